@@ -1,0 +1,60 @@
+"""Gauges (Remark 3) and errors against truth (V-A).
+
+The canonical gauge: b_1 = 0, first leg along +x, the first turn with |sin| > 1e-3 towards +y. An alignment here is
+proper: it moves and turns, mirrors only as the gauge says, and never scales.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dslam_mav.records import Truth
+
+Array = NDArray[np.float64]
+
+MIN_TURN_SINE = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """x ↦ rotation · (x − origin_m); `mirrored` says whether the rotation is improper."""
+
+    rotation: Array
+    origin_m: Array
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether left and right are exchanged."""
+        return bool(np.linalg.det(self.rotation) < 0.0)
+
+    def apply(self, points_m: ArrayLike) -> Array:
+        """Points (M, 2) of the old frame in the new one."""
+        return (np.asarray(points_m, dtype=np.float64) - self.origin_m) @ self.rotation.T
+
+    def invert(self, points_m: ArrayLike) -> Array:
+        """Points (M, 2) of the new frame in the old one."""
+        return np.asarray(points_m, dtype=np.float64) @ self.rotation + self.origin_m
+
+
+def to_canonical(vertices_m: ArrayLike) -> Alignment:
+    """The alignment that brings a path (L+1, 2) into the canonical gauge."""
+    vertices = np.asarray(vertices_m, dtype=np.float64)
+    legs = np.diff(vertices, axis=0)
+    lengths = np.linalg.norm(legs, axis=1)
+    directions = legs[lengths > 0.0] / lengths[lengths > 0.0, None]
+    if not len(directions):
+        raise ValueError("vertices_m: expected at least one leg of positive length")
+    c, s = directions[0]
+    sines = directions[:-1, 0] * directions[1:, 1] - directions[:-1, 1] * directions[1:, 0]
+    turns = sines[np.abs(sines) > MIN_TURN_SINE]
+    side = -1.0 if turns.size and turns[0] < 0.0 else 1.0
+    return Alignment(np.array([[c, s], [-side * s, side * c]]), vertices[0].copy())
+
+
+def truth_in_canonical(truth: Truth) -> Truth:
+    """Truth of the scene's frame, seen in the canonical gauge of its own path."""
+    alignment = to_canonical(truth.vertices_m)
+    return Truth(alignment.apply(truth.source_position_m), truth.amplitude, alignment.apply(truth.vertices_m))

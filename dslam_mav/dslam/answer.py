@@ -1,0 +1,193 @@
+"""From the fits to the public `Estimate`: gauge, order, units, covariance, verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam import bound, certify, joint
+from dslam_mav.dslam.align import to_canonical
+from dslam_mav.dslam.certify import Noise
+from dslam_mav.dslam.joint import Fit, Problem, State
+from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
+
+Array = NDArray[np.float64]
+
+
+def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, reason: str) -> Estimate:
+    """An estimate without an answer: shapes kept, positions NaN."""
+    n_legs, d = len(flight.legs), medium.dimensions
+    unknown = np.full(k_sources, np.nan)
+    block = np.full((k_sources, d, d), np.nan)
+    return Estimate(
+        sources=Sources(np.full((k_sources, d), np.nan), unknown, unknown, unknown),
+        path=Path(np.full((n_legs + 1, d), np.nan), np.full(n_legs, np.nan)),
+        medium=medium,
+        verdict=verdict,
+        reason=reason,
+        spread_m=float(medium.spread_m) if medium.spread_m is not None else float("nan"),
+        position_covariance_m2=block,
+        path_aligned_covariance_m2=block,
+        parameter_covariance=np.empty((0, 0)),
+        parameter_names=(),
+        noise_sd=float("nan"),
+        log_likelihood=float("nan"),
+        residual=np.full(flight.n_readings, np.nan),
+    )
+
+
+def assemble(
+    flight: Flight,
+    medium: Medium,
+    prob: Problem,
+    span: float,
+    fits: list[Fit],
+    level: Noise,
+    freedom_inside: int,
+    heading_prior: tuple[Array, float] | None,
+) -> Estimate:
+    """The best fit as an Estimate with the others as its alternatives. `span` is the unit `prob` has readings in."""
+    estimates = [_one(flight, medium, prob, span, f, level, freedom_inside) for f in fits]
+    best = estimates[0]
+    alternatives = tuple(estimates[1:])
+    blocks = best.position_covariance_m2
+    verdict, reason = certify.verdict(level, blocks, best.spread_m, len(alternatives), fits[0].converged)
+    if heading_prior is not None:
+        best = _anchored(best, heading_prior, fits[0].state.turn)
+        alternatives = tuple(
+            _anchored(e, heading_prior, f.state.turn) for e, f in zip(alternatives, fits[1:], strict=True)
+        )
+    if verdict in (Verdict.NOT_CONVERGED, Verdict.NOT_IDENTIFIABLE):
+        empty = nothing(flight, medium, len(best.sources), verdict, reason)
+        return replace(
+            empty,
+            medium=best.medium,
+            spread_m=best.spread_m,
+            noise_sd=best.noise_sd,
+            log_likelihood=best.log_likelihood,
+            residual=best.residual,
+            parameter_covariance=best.parameter_covariance,
+            parameter_names=best.parameter_names,
+            unseen_directions=best.unseen_directions,
+            diagnostics=best.diagnostics,
+        )
+    alternatives = tuple(replace(e, verdict=verdict, reason="") for e in alternatives)
+    return replace(best, verdict=verdict, reason=reason, alternatives=alternatives)
+
+
+def _in_order(prob: Problem, f: Fit) -> tuple[State, Array]:
+    """The fit's state and Jacobian with its sources ordered by amplitude, first turn towards +y."""
+    state = f.state
+    order = np.argsort(-state.log_amplitude, kind="stable")
+    state = replace(state, s=state.s[order], log_amplitude=state.log_amplitude[order])
+    vertices = joint.vertices(state.theta, prob.length)
+    if to_canonical(vertices).mirrored:
+        state = replace(state, theta=-state.theta, s=state.s * np.array([1.0, -1.0]))
+    theta = (state.theta + np.pi) % (2.0 * np.pi) - np.pi
+    state = replace(state, theta=theta)
+    return state, joint.evaluate(prob, state)[1]
+
+
+def _one(
+    flight: Flight, medium: Medium, prob: Problem, span: float, f: Fit, level: Noise, freedom_inside: int
+) -> Estimate:
+    state, jacobian = _in_order(prob, f)
+    n_legs, k_sources = prob.length.size, len(state.s)
+    info = bound.information(jacobian, level.variance)
+    names = joint.parameter_names(prob, k_sources)
+    covariance = info.covariance.copy()
+    if "ambient" in names:
+        i = names.index("ambient")
+        covariance[i, :] *= span
+        covariance[:, i] *= span
+    cost = float(f.residual @ f.residual)
+    n = prob.y.size
+    amplitude = np.exp(state.log_amplitude) * span
+    spread2 = float(np.exp(state.log_spread2))
+    fitted, activation = _fitted(flight, medium, prob, state, span)
+    diagnostics: dict[str, Any] = {
+        "bic": _bic(cost, n, len(names), level, freedom_inside),
+        "residual_inside_sd": float(np.sqrt(level.inside)) * span,
+        "residual_outside_sd": float(np.sqrt(level.outside)) * span,
+        "whiteness_p": level.p_value,
+        "systematic_share": level.systematic_share,
+    }
+    return Estimate(
+        sources=Sources(state.s, amplitude, amplitude / (np.pi * spread2), np.full(k_sources, activation)),
+        path=Path(joint.vertices(state.theta, prob.length), state.theta),
+        medium=fitted,
+        verdict=Verdict.IDENTIFIED,
+        reason="",
+        spread_m=float(np.sqrt(spread2)),
+        position_covariance_m2=bound.source_blocks(covariance, n_legs, k_sources),
+        path_aligned_covariance_m2=bound.path_aligned(covariance, state.theta, prob.length, state.s),
+        parameter_covariance=covariance,
+        parameter_names=names,
+        noise_sd=level.sd * span,
+        log_likelihood=_log_likelihood(cost, n, level, span),
+        residual=-f.residual * span,
+        unseen_directions=certify.unseen_in_words(info, names),
+        diagnostics=diagnostics,
+    )
+
+
+def _log_likelihood(cost: float, n: int, level: Noise, span: float) -> float:
+    """ln p(readings | answer) at the noise variance the errors are weighed with."""
+    variance = level.variance
+    return float(-0.5 * cost / variance - 0.5 * n * np.log(2.0 * np.pi * variance) - n * np.log(span))
+
+
+def _bic(cost: float, n: int, n_parameters: int, level: Noise, freedom_inside: int) -> float:
+    """n ln(cost/n) + P ln n. Residuals that are not white count as the few numbers a leg can carry, not as readings."""
+    n_effective = min(freedom_inside, n) if level.misfit else n
+    return float(n_effective * np.log(max(cost, 1e-300) / n) + n_parameters * np.log(n_effective))
+
+
+def _fitted(flight: Flight, medium: Medium, prob: Problem, state: State, span: float) -> tuple[Medium, float]:
+    """The medium with what was estimated filled in, and the common activation time (NaN where it cannot be known)."""
+    first = float(flight.legs[0].time_s[0])
+    spread2 = float(np.exp(state.log_spread2))
+    mu, tau = medium.diffusivity_m2_s, medium.activation_s
+    known_tau = tau if isinstance(tau, (int, float)) else None
+    if prob.evolution == "fixed":
+        known = known_tau if known_tau is not None else (first - spread2 / (4.0 * mu) if mu else None)
+        return replace(medium, ambient=state.ambient * span), float("nan") if known is None else float(known)
+    age: float | None
+    if not prob.static and prob.evolution in ("age", "both"):
+        age = float(np.exp(state.log_age))
+    elif known_tau is not None:
+        age = first - known_tau
+    else:
+        age = spread2 / (4.0 * mu) if mu else None
+    activation = float("nan") if age is None else first - age
+    fitted = Medium(
+        diffusivity_m2_s=spread2 / (4.0 * age) if age else None,
+        activation_s=activation if age else None,
+        spread_m=float(np.sqrt(spread2)) if medium.static else None,
+        ambient=state.ambient * span,
+        static=medium.static,
+        dimensions=medium.dimensions,
+    )
+    return fitted, activation
+
+
+def _anchored(result: Estimate, heading_prior: tuple[Array, float], turn: float) -> Estimate:
+    """The answer turned (and mirrored, where the first turn is clockwise) into the frame of the heading prior."""
+    heading = np.asarray(heading_prior[0], dtype=np.float64)
+    sines = np.sin(np.diff(heading))
+    turns = sines[np.abs(sines) > 1e-3]
+    side = -1.0 if turns.size and turns[0] < 0.0 else 1.0
+    first = float(heading[0]) + side * turn
+    cos, sin = np.cos(first), np.sin(first)
+    rotation = np.array([[cos, -side * sin], [sin, side * cos]])
+    return replace(
+        result,
+        sources=replace(result.sources, position_m=result.sources.position_m @ rotation.T),
+        path=Path(result.path.vertices_m @ rotation.T, first + side * result.path.heading_rad),
+        position_covariance_m2=rotation @ result.position_covariance_m2 @ rotation.T,
+        path_aligned_covariance_m2=rotation @ result.path_aligned_covariance_m2 @ rotation.T,
+        gauge="anchored",
+    )

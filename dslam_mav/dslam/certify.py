@@ -1,0 +1,113 @@
+"""What an estimate is worth: noise level, whiteness of the residuals, verdict in words (theory, sections 9 and 10)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+
+from dslam_mav.dslam.bound import Information
+from dslam_mav.records import Flight, Verdict
+
+Array = NDArray[np.float64]
+
+MIN_READINGS_PER_LEG = 4
+MISFIT_P_VALUE = 1e-3
+MISFIT_WIDENING = 4.0  # theory, section 10: what covers 95 % on recorded fields
+MISFIT_MATTERS = 0.06  # systematic residual, as a share of the readings' range, from which the model is called wrong
+UNIDENTIFIED_SD_SPREADS = 2.0  # a position less sure than this is no position
+SAME_PLACE_SPREADS = 0.02
+WINDOW = 9.0  # alternatives: 2·Δ log-likelihood below this
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """The residuals' level: `variance` to weigh errors with, and whether the model's misfit stands out from noise.
+
+    `inside` and `outside` are mean squares per degree of freedom inside the span of what sources can do to a leg, and
+    outside of it; white residuals have them equal.
+    """
+
+    variance: float
+    inside: float
+    outside: float
+    p_value: float
+    systematic_share: float
+
+    @property
+    def misfit(self) -> bool:
+        """Whether the residuals are not white."""
+        return self.p_value < MISFIT_P_VALUE
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of a reading about the model."""
+        return float(np.sqrt(self.outside if self.misfit else self.variance))
+
+
+def too_few(flight: Flight, n_parameters: int, k_sources: int) -> str | None:
+    """Why these data cannot carry an estimate, or None."""
+    need = 3 if k_sources > 1 else 2
+    if len(flight.legs) < need:
+        return f"{len(flight.legs)} legs were flown; {k_sources} sources need at least {need}."
+    for j, leg in enumerate(flight.legs, start=1):
+        if leg.reading.size < MIN_READINGS_PER_LEG:
+            return f"Leg {j} has {leg.reading.size} readings; at least {MIN_READINGS_PER_LEG} are needed."
+    if flight.n_readings <= n_parameters:
+        return f"{flight.n_readings} readings cannot carry {n_parameters} unknowns ({k_sources} sources)."
+    return None
+
+
+def noise(cost: float, n: int, n_parameters: int, outside: tuple[float, int], span: float) -> Noise:
+    """Test the residuals for whiteness; `outside` is (energy, freedom) beyond the legs' bases, `span` max − min."""
+    energy_out, dof_out = outside
+    dof = max(n - n_parameters, 1)
+    pooled = max(cost / dof, 1e-300)
+    dof_in = dof - dof_out
+    if dof_out < 5 or dof_in < 5:
+        return Noise(pooled, pooled, pooled, 1.0, 0.0)
+    s_out = max(energy_out / dof_out, 1e-300)
+    s_in = max((cost - energy_out) / dof_in, 0.0)
+    p_value = float(f_distribution.sf(s_in / s_out, dof_in, dof_out))
+    share = float(np.sqrt(max(s_in - s_out, 0.0) * dof_in / n)) / max(span, 1e-300)
+    if p_value < MISFIT_P_VALUE:
+        return Noise(s_out + MISFIT_WIDENING * (s_in - s_out), s_in, s_out, p_value, share)
+    return Noise(pooled, s_in, s_out, p_value, share)
+
+
+def verdict(level: Noise, blocks: Array, spread: float, n_alternatives: int, converged: bool) -> tuple[Verdict, str]:
+    """The first that applies of NOT_CONVERGED, NOT_IDENTIFIABLE, MODEL_MISFIT, AMBIGUOUS, IDENTIFIED, and why."""
+    if not converged:
+        return Verdict.NOT_CONVERGED, "The fit did not settle on an answer."
+    axis = np.sqrt(np.linalg.eigvalsh(blocks).max(axis=1))
+    worst = int(np.argmax(axis))
+    if not axis[worst] < UNIDENTIFIED_SD_SPREADS * spread:
+        far = "cannot be bounded" if axis[worst] > 1e3 * spread else f"is only known to ± {axis[worst]:.3g} m"
+        return (
+            Verdict.NOT_IDENTIFIABLE,
+            f"Source {worst + 1} {far}, over {UNIDENTIFIED_SD_SPREADS:g} spreads of {spread:.3g} m: "
+            "another leg that passes it in a new direction would help.",
+        )
+    if level.misfit and level.systematic_share > MISFIT_MATTERS:
+        return (
+            Verdict.MODEL_MISFIT,
+            f"Residuals are not noise: {100.0 * level.systematic_share:.0f} % of the readings' range is left "
+            "unexplained; uncertainties are widened.",
+        )
+    widened = " Residuals are not white, so uncertainties are widened." if level.misfit else ""
+    if n_alternatives:
+        others = "one other solution fits" if n_alternatives == 1 else f"{n_alternatives} other solutions fit"
+        return Verdict.AMBIGUOUS, f"In all, {others} the readings about as well.{widened}"
+    return Verdict.IDENTIFIED, f"No other solution fits the readings as well.{widened}"
+
+
+def unseen_in_words(info: Information, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Each direction the readings say nothing of, by the parameters that make it up."""
+    sentences = []
+    for column in info.unseen.T:
+        order = np.argsort(-np.abs(column))
+        parts = [names[i] for i in order[:4] if abs(column[i]) > 0.2]
+        sentences.append(" with ".join(parts))
+    return tuple(sentences)
