@@ -1,6 +1,6 @@
 """A leg's readings -> its generalised samples (III-A; theory, section 8, step 1).
 
-What a source can do to one leg is a curve e^{−(s−Y)²/C}; all such curves span, to 1e-7 of a reading, about 13
+What a source can do to one leg is a curve e^{−(s−Y)²/C}; all such curves span, to 1e-6 of a reading, about 12
 dimensions. Each leg's readings are projected once on an orthonormal basis Q of that span: z = Qᵀy. White noise stays
 white, what is left over measures it, and everything later costs the same however many readings there were. Where the
 ambient level is unknown every curve loses its mean over the leg first, so that a constant drops out (Q ⟂ 1).
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MARGIN_SPREADS = 4.0  # a centre may lie this far beyond either end of a leg
-BASIS_STEP_SPREADS = 0.2
+BASIS_STEP_SPREADS = 0.4
 TABLE_STEP_SPREADS = 0.05  # cubic Hermite between nodes: error below 3e-7
-BASIS_TOLERANCE = 1e-7
+BASIS_TOLERANCE = 1e-6
 RELATIVE_NOISE_FLOOR = 1e-6  # of the readings' rms: below it the tables' own error rules
 
 

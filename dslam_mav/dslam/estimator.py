@@ -9,9 +9,11 @@ the arguments raises `ValueError`.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam import joint
 from dslam_mav.dslam.answer import assemble, nothing
@@ -23,7 +25,8 @@ from dslam_mav.records import Estimate, Flight, Medium, Verdict
 Array = NDArray[np.float64]
 
 MAX_SOURCES = 8
-IMPLAUSIBLE_PEAK = 50.0  # times the readings' range: a remote, enormous source that no reading came near
+PLAUSIBLE_PEAK = 3.0  # times the readings' range: a stronger source must have been kept a spread away from ...
+PEAK_LOG_SD = 0.8  # ... and the logarithm of what it has beyond costs by this standard deviation
 
 
 def estimate(
@@ -45,9 +48,16 @@ def estimate(
     `seed` makes the search repeatable bit for bit. Raises ValueError for impossible arguments.
     """
     _check(flight, medium, n_sources, max_sources, method, heading_prior)
-    if n_sources is not None:
-        return _with_k(flight, medium, n_sources, closed_sd_m, heading_prior, seed)
-    return _choose_k(flight, medium, max_sources, closed_sd_m, heading_prior, seed)
+    # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
+    with _threads().limit(limits=1, user_api="blas"):
+        if n_sources is not None:
+            return _with_k(flight, medium, n_sources, closed_sd_m, heading_prior, seed)
+        return _choose_k(flight, medium, max_sources, closed_sd_m, heading_prior, seed)
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def _check(
@@ -107,7 +117,7 @@ def _with_k(
     if not fits:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
     level = _level(unit, begun, fits[0], len(names))
-    modes = _distinct(fits, level)
+    modes = _distinct(unit, fits, level)
     return assemble(flight, medium, unit, span, modes, level, begun.freedom_inside, heading_prior)
 
 
@@ -125,18 +135,14 @@ def _fits(
     closed_sd_m: float | None,
     heading_prior: tuple[Array, float] | None,
 ) -> list[Fit]:
-    """The joint fit from every start, best first, without answers no reading can speak for."""
-    fits = [joint.fit(prob, state) for state in begun.states]
+    """The joint fit from every start, best first; those that do not settle only where none does."""
+    bounded = replace(prob, peak_prior=(PLAUSIBLE_PEAK, PEAK_LOG_SD / begun.sigma))
+    fits = [joint.fit(bounded, state) for state in begun.states]
     fits = [f for f in fits if np.isfinite(f.cost)]
-    fits.sort(key=lambda f: f.cost)
-    if not fits:
-        return fits
-    if heading_prior is not None or flight.closed or closed_sd_m is not None:
-        fits = _with_priors(prob, begun, fits, k_sources, flight, closed_sd_m, heading_prior)
-    plausible = [
-        f for f in fits if np.max(f.state.log_amplitude - np.log(np.pi) - f.state.log_spread2) < np.log(IMPLAUSIBLE_PEAK)
-    ]
-    return plausible or fits
+    fits.sort(key=lambda f: (not f.converged, f.cost))
+    if fits and (heading_prior is not None or flight.closed or closed_sd_m is not None):
+        fits = _with_priors(bounded, begun, fits, k_sources, flight, closed_sd_m, heading_prior)
+    return [f for f in fits if f.converged] or fits[:1]
 
 
 def _with_priors(
@@ -161,7 +167,7 @@ def _with_priors(
     constrained = replace(prob, closed_sd_m=closed, heading_prior=prior)
     fits = [joint.fit(constrained, f.state) for f in fits]
     fits = [f for f in fits if np.isfinite(f.cost)]
-    return sorted(fits, key=lambda f: f.cost)
+    return sorted(fits, key=lambda f: (not f.converged, f.cost))
 
 
 def prior_side(heading: Array) -> float:
@@ -175,23 +181,23 @@ def _level(prob: Problem, begun: Starts, best: Fit, n_parameters: int) -> Noise:
     return noise(float(best.residual @ best.residual), prob.y.size, n_parameters, begun.outside, 1.0)
 
 
-def _distinct(fits: list[Fit], level: Noise) -> list[Fit]:
+def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:
     """The best fit and every different one within the window."""
     kept: list[Fit] = []
     for f in fits:
         if (f.cost - fits[0].cost) / level.variance >= WINDOW:
             break
         spread = float(np.exp(0.5 * f.state.log_spread2))
-        if all(_apart(f, other) > SAME_PLACE_SPREADS * spread for other in kept):
+        if all(_apart(prob, f, other) > SAME_PLACE_SPREADS * spread for other in kept):
             kept.append(f)
     return kept
 
 
-def _apart(a: Fit, b: Fit) -> float:
-    """The largest distance between the sources of two answers, strongest first, path corners included."""
-    one = np.argsort(-a.state.log_amplitude)
-    two = np.argsort(-b.state.log_amplitude)
-    return float(np.abs(a.state.s[one] - b.state.s[two]).max())
+def _apart(prob: Problem, a: Fit, b: Fit) -> float:
+    """The largest distance between the sources of two answers, whatever their order, or the corners of their paths."""
+    nearest = np.linalg.norm(a.state.s[:, None] - b.state.s[None, :], axis=2).min(axis=1).max()
+    corners = joint.vertices(a.state.theta, prob.length) - joint.vertices(b.state.theta, prob.length)
+    return float(max(nearest, np.linalg.norm(corners, axis=1).max()))
 
 
 def _choose_k(

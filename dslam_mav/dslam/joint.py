@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 MAX_STEP_HEADING_RAD = 0.3
 MAX_STEP_SPREADS = 0.5
 MAX_STEP_LOG = 0.5
-MAX_ITERATIONS = 60
+MAX_ITERATIONS = 100
+CONVERGED_GAIN = 1e-5  # in χ²: far below what a reading's noise can tell
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +36,10 @@ class Problem:
     reading where it is known; `age_s` the sources' age then, for a field that evolves (None: static or unknown).
     `evolution`: what of C(t) is free: "fixed", "spread" (C at the first reading), "age" (its age, μ known),
     "both"; a static field knows only "fixed" and "spread".
+
+    Priors have standard deviations in units of a reading's noise: headings, closure, and `peak_prior`: a source's
+    peak reading beyond the first number costs as the logarithm's excess over the second. Without it, ever remoter and
+    stronger sources beside ever straighter paths fit almost anything.
     """
 
     s: Array
@@ -50,6 +55,7 @@ class Problem:
     diffusivity: float | None
     heading_prior: tuple[Array, float] | None = None
     closed_sd_m: float | None = None
+    peak_prior: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,7 +196,18 @@ def evaluate(prob: Problem, state: State) -> tuple[Array, Array]:
 
 def _with_priors(prob: Problem, state: State, residual: Array, columns: Array) -> tuple[Array, Array]:
     """Add the residual rows of priors, in the readings' noise units (the caller scales their standard deviations)."""
-    n_legs = prob.length.size
+    n_legs, k_sources = prob.length.size, state.log_amplitude.size
+    if prob.peak_prior is not None:
+        peak, sd = prob.peak_prior
+        excess = state.log_amplitude - np.log(np.pi * peak) - state.log_spread2
+        beyond = (excess > 0.0) / sd
+        rows = np.zeros((k_sources, columns.shape[1]))
+        first = n_legs - 1 + 2 * k_sources
+        rows[:, first : first + k_sources] = np.diag(beyond)
+        if prob.evolution != "fixed":  # its first free parameter is ln C, or moves it one to one
+            rows[:, first + k_sources] = -beyond
+        columns = np.vstack([columns, rows])
+        residual = np.concatenate([residual, excess * beyond])
     if prob.heading_prior is not None:
         heading, sd = prob.heading_prior
         off = state.theta + state.turn - heading
@@ -259,7 +276,7 @@ def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit
             gain = cost - cost_try
             state, residual, jacobian, cost = trial, residual_try, jacobian_try, cost_try
             damping = max(damping * 0.1, 1e-12)
-            if gain <= 1e-10 * cost:
+            if gain <= CONVERGED_GAIN * cost / prob.y.size:
                 converged = True
                 break
         else:

@@ -27,9 +27,12 @@ MAX_STARTS = 24
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Starts:
-    """States to begin the joint fit from, and the energy and freedom that lie outside what sources can do."""
+    """States to begin the joint fit from; `sigma`: the residuals' level the best of them has left; the energy and
+    freedom that lie outside what sources can do.
+    """
 
     states: tuple[State, ...]
+    sigma: float
     outside: tuple[float, int]
     freedom_inside: int
     rounds: int
@@ -75,7 +78,7 @@ def states(prob: Problem, comp: Compressed, modes: Modes, log_spread2: float, lo
             theta.copy(), s * comp.scale, alpha + to_amplitude, log_spread2, log_age, prob.ambient or 0.0
         )
         if prob.ambient is None:
-            bare = replace(prob, heading_prior=None, closed_sd_m=None)
+            bare = replace(prob, heading_prior=None, closed_sd_m=None, peak_prior=None)
             state = replace(state, ambient=-float(evaluate(bare, state)[0].mean()))
         out.append(state)
     return out
@@ -103,7 +106,8 @@ def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     comp = compressed(prob, *at, sigma)
     modes = search(comp, k_sources, rng)
     all_states = (states(prob, comp, modes, *at) + found)[:MAX_STARTS]
-    return Starts(tuple(all_states), (comp.energy_out, comp.dof_out), int(comp.rank.sum()), modes.rounds)
+    level = comp.sigma * float(np.sqrt(misfit(modes, comp, k_sources)))
+    return Starts(tuple(all_states), level, (comp.energy_out, comp.dof_out), int(comp.rank.sum()), modes.rounds)
 
 
 def _over_grid(
@@ -121,7 +125,7 @@ def _over_grid(
         here = states(prob, comp, modes.take(np.arange(min(2, len(modes)))), *at)
         candidates += list(zip(cost.tolist(), here, strict=False))
     candidates.sort(key=lambda pair: pair[0])
-    bare = replace(prob, heading_prior=None, closed_sd_m=None)
+    bare = replace(prob, heading_prior=None, closed_sd_m=None, peak_prior=None)
     fits = [fit(bare, state, iterations=25) for _, state in candidates[:REFINED]]
     fits.sort(key=lambda f: f.cost)
     if not fits:
