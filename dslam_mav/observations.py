@@ -51,7 +51,7 @@ class GroundSpeed:
 
 @dataclass(frozen=True, slots=True)
 class Yaw:
-    """ATTITUDE.yaw in NED (clockwise from north): decoded only when the pilot asked for `--heading vehicle`."""
+    """ATTITUDE.yaw in NED (clockwise from north): decoded only for `--heading vehicle`."""
 
     time_boot_ms: int
     yaw_rad: float

@@ -233,7 +233,8 @@ class Estimate:
     def sd_m(self) -> Array:
         """(K,) one number a source: √(trace of its position covariance / d)."""
         k, d = self.sources.position_m.shape
-        return np.sqrt(np.trace(self.position_covariance_m2, axis1=1, axis2=2) / d).reshape(k)
+        variance = np.trace(self.position_covariance_m2, axis1=1, axis2=2) / d
+        return np.asarray(np.sqrt(variance), dtype=np.float64).reshape(k)
 
     def with_alternatives(self, alternatives: Sequence[Estimate]) -> Estimate:
         """The same estimate with these alternatives."""
@@ -262,7 +263,10 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Assumptions:
-    """What the person assumes of a flight: recorded with every estimate so that replay repeats it."""
+    """What the person assumes of a flight: recorded with every estimate so that replay repeats it.
+
+    None means: find it out. `heading_sd_rad` is how far a heading from compass or plan is trusted.
+    """
 
     n_sources: int | None = None
     diffusivity_m2_s: float | None = None
@@ -270,12 +274,10 @@ class Assumptions:
     spread_m: float | None = None
     ambient: float | None = None
     static: bool = True
-    dimensions: int = 2
     closed: bool = False
     heading: Literal["none", "vehicle", "plan"] = "none"
+    heading_sd_rad: float = 0.0873
     distance: Literal["odometry", "speed", "plan"] | None = None
-    method: Literal["joint", "paper"] = "joint"
-    max_sources: int = 5
     seed: int = 0
 
     def medium(self) -> Medium:
@@ -286,5 +288,4 @@ class Assumptions:
             spread_m=self.spread_m,
             ambient=self.ambient,
             static=self.static,
-            dimensions=self.dimensions,
         )

@@ -1,0 +1,70 @@
+"""The estimator as a person set it up: flight in, estimate out, with the headings they allowed it to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from dslam_mav.dslam.estimator import estimate
+from dslam_mav.errors import BadInputError
+from dslam_mav.legs import LegCollector
+from dslam_mav.mission import Mission, leg_plan
+from dslam_mav.records import Array, Assumptions, Estimate, Flight, Path
+
+Estimator = Callable[[Flight], Estimate]
+
+
+def estimator(assumptions: Assumptions, collector: LegCollector, mission: Mission | None) -> Estimator:
+    """The function that live flight and replay call alike.
+
+    With `heading` "none" it sees nothing but the flight. "vehicle" adds the legs' mean compass headings from the
+    collector, "plan" the planned directions; the answer is then anchored, at the plan's first vertex where one is
+    known.
+    """
+    medium = assumptions.medium()
+
+    def run(flight: Flight) -> Estimate:
+        flown = replace(flight, closed=assumptions.closed)
+        prior = None
+        if assumptions.heading != "none":
+            prior = (_headings(assumptions, collector, mission, len(flight.legs)), assumptions.heading_sd_rad)
+        result = estimate(
+            flown, medium, assumptions.n_sources, heading_prior=prior, seed=assumptions.seed
+        )
+        if prior is None or mission is None:
+            return result
+        return _moved(result, leg_plan(mission).vertices_m[0])
+
+    return run
+
+
+def _headings(assumptions: Assumptions, collector: LegCollector, mission: Mission | None, legs: int) -> Array:
+    flown = collector.legs(final=True)[:legs]
+    if assumptions.heading == "vehicle":
+        headings = collector.headings_rad(flown)
+        if not np.isfinite(headings).all():
+            leg = int(np.flatnonzero(~np.isfinite(headings))[0]) + 1
+            raise BadInputError(f"--heading vehicle: no ATTITUDE was heard on leg {leg}; use --heading none")
+        return headings
+    if mission is None:
+        raise BadInputError("--heading plan: no plan is known; give one, or use --heading none")
+    plan = leg_plan(mission)
+    planned = dict(zip(zip(plan.sequence, plan.sequence[1:], strict=False), plan.headings_rad, strict=True))
+    pairs = [(leg.start_seq, leg.end_seq) for leg in flown]
+    missing = [pair for pair in pairs if pair not in planned]
+    if missing:
+        start, end = missing[0]
+        raise BadInputError(f"--heading plan: the flight from item {start} to {end} is no leg of the plan")
+    return np.array([planned[pair] for pair in pairs])
+
+
+def _moved(result: Estimate, origin_m: Array) -> Estimate:
+    """The answer with its first vertex at `origin_m` instead of (0, 0)."""
+    return replace(
+        result,
+        sources=replace(result.sources, position_m=result.sources.position_m + origin_m),
+        path=Path(result.path.vertices_m + origin_m, result.path.heading_rad),
+        alternatives=tuple(_moved(other, origin_m) for other in result.alternatives),
+    )

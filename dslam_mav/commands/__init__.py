@@ -1,0 +1,1 @@
+"""What each subcommand does; `cli.py` parses their arguments. The only place where all parts meet."""

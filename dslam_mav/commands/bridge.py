@@ -1,0 +1,66 @@
+"""`bridge`: inject readings into a vehicle's flight."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from dslam_mav.commands.background import background
+from dslam_mav.commands.readings import open_readings
+from dslam_mav.commands.screen import Screen
+from dslam_mav.errors import BadInputError
+from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_GROUND
+from dslam_mav.mav.link import Link, wait_for_vehicle
+from dslam_mav.mav.mission_transfer import download
+from dslam_mav.mission import Mission, leg_plan
+from missions.plan_file import read_plan
+from sim_bridge.bridge import Bridge
+
+GROUND_SYSTEM = 255
+
+
+def run(options: Namespace) -> int:
+    """Read the field along the vehicle's mission until its last vertex."""
+    screen = Screen(json_only=options.json)
+    if options.plan:
+        mission = read_plan(Path(options.plan)).mission
+        system = _vehicle(options)
+    else:
+        system, mission = _held(options)
+    legs = leg_plan(mission)
+    if len(legs.sequence) < 2:
+        where = options.plan or f"vehicle {system}'s mission"
+        raise BadInputError(f"{where}: {len(legs.sequence)} waypoints: expected 2 or more, to read between")
+    readings = open_readings(options, legs.vertices_m, None)
+    readings.sampling.check(readings.speed_m_s)
+    for note in readings.notes:
+        screen.say(note)
+    with Link(options.connect, system=system, component=COMPONENT_BRIDGE) as link:
+        bridge = Bridge(
+            link,
+            system,
+            readings.field,
+            readings.sampling,
+            legs.sequence,
+            noise_sd=readings.noise_sd,
+            rng=readings.rng,
+        )
+        screen.say(f"reading {readings.name} along {len(legs.lengths_m)} legs of vehicle {system}")
+        with background(bridge.run, "bridge") as worker:
+            while worker.running:
+                worker.join(0.2)
+            worker.check()
+    screen.say(f"{bridge.sent} readings sent")
+    screen.result({"sent": bridge.sent, "missing": bridge.missing})
+    return 0
+
+
+def _vehicle(options: Namespace) -> int:
+    with Link(options.connect, system=GROUND_SYSTEM, component=COMPONENT_GROUND) as ground:
+        return wait_for_vehicle(ground, options.timeout)
+
+
+def _held(options: Namespace) -> tuple[int, Mission]:
+    with Link(options.connect, system=GROUND_SYSTEM, component=COMPONENT_GROUND) as ground:
+        system = wait_for_vehicle(ground, options.timeout)
+        return system, download(ground, system)

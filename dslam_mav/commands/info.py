@@ -1,0 +1,22 @@
+"""`info`: what is in a log."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from dslam_mav.commands.screen import Screen
+from dslam_mav.log.reader import log_info
+
+
+def run(options: Namespace) -> int:
+    """Topics, duration, and whether the log was closed properly."""
+    screen = Screen(json_only=options.json)
+    path = Path(options.log)
+    info = log_info(path)
+    screen.say(f"{path}: {info['duration_s']:.1f} s, {'complete' if info['complete'] else 'cut short or damaged'}")
+    width = max((len(topic) for topic in info["topics"]), default=0)
+    for topic, count in sorted(info["topics"].items()):
+        screen.say(f"  {topic:<{width}}  {count}")
+    screen.result(info)
+    return 0

@@ -1,0 +1,90 @@
+"""A log on disk -> flight, plan, assumptions and truth: what `replay`, `report` and `info` begin with."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import dataclass
+from pathlib import Path
+
+from dslam_mav.assumed import estimator
+from dslam_mav.commands.assume import assumptions_from, in_words, recorded_assumptions
+from dslam_mav.commands.outcome import Outcome
+from dslam_mav.errors import BadInputError
+from dslam_mav.log.reader import FlightLog, read_log
+from dslam_mav.mission import Mission
+from dslam_mav.plan_facts import plan_facts
+from dslam_mav.records import Assumptions, Truth
+from dslam_mav.replay import Replayed, flight_from_log
+from missions.plan_file import parse_plan, read_plan
+
+MISSION_ATTACHMENT = "mission.waypoints"
+CONFIGURATION_ATTACHMENT = "configuration.json"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Logged:
+    """What a log says of its flight; of a .tlog only the flight itself is known.
+
+    `assumed_anew`: the options assume something else than the log was recorded with.
+    """
+
+    path: Path
+    replayed: Replayed
+    mission: Mission | None
+    assumptions: Assumptions
+    truth: Truth | None
+    log: FlightLog | None
+    assumed_anew: bool = False
+
+
+def open_logged(path: Path, options: Namespace) -> Logged:
+    """Read a log (.mcap or .tlog) under the options' assumptions, over those it was recorded with."""
+    log = read_log(path) if path.suffix == ".mcap" else None
+    mission = _mission(path, log, getattr(options, "plan", None))
+    base = None
+    if log is not None and CONFIGURATION_ATTACHMENT in log.attachments:
+        base = recorded_assumptions(log.attachments[CONFIGURATION_ATTACHMENT], str(path))
+    assumptions = assumptions_from(options, base=base)
+    replayed = flight_from_log(
+        path,
+        plan=None if mission is None else plan_facts(mission),
+        distance=assumptions.distance,
+        yaw=assumptions.heading == "vehicle",
+    )
+    truth = None if log is None else log.truth
+    return Logged(path, replayed, mission, assumptions, truth, log, assumptions != base)
+
+
+def _mission(path: Path, log: FlightLog | None, plan: str | None) -> Mission | None:
+    if plan is not None:
+        return read_plan(Path(plan)).mission
+    if log is None or MISSION_ATTACHMENT not in log.attachments:
+        return None
+    name = f"{path}: attachment {MISSION_ATTACHMENT}"
+    return parse_plan(log.attachments[MISSION_ATTACHMENT], name).mission
+
+
+def estimate_again(logged: Logged) -> Outcome:
+    """The estimator on the log's readings, as it ran on board."""
+    collector = logged.replayed.collector
+    run = estimator(logged.assumptions, collector, logged.mission)
+    try:
+        result = run(logged.replayed.flight)
+    except ValueError as problem:
+        raise BadInputError(f"{logged.path}: {problem}") from None
+    return outcome_of(logged).with_estimate(result)
+
+
+def outcome_of(logged: Logged) -> Outcome:
+    """The flight's outcome, still without an estimate."""
+    replayed = logged.replayed
+    warnings = list(replayed.collector.notes(replayed.legs))
+    if logged.log is not None and not logged.log.complete:
+        warnings.insert(0, f"{logged.path}: the log is cut short or damaged; what could be read is used")
+    modes = {leg.mode for leg in replayed.legs}
+    facts = {
+        "readings": f"{replayed.flight.n_readings} on {len(replayed.legs)} legs, from {logged.path.name}",
+        **in_words(logged.assumptions),
+        "distance along a leg": ", ".join(sorted(modes)),
+    }
+    return Outcome(replayed.flight, None, logged.truth, logged.path, facts, tuple(warnings))

@@ -1,0 +1,162 @@
+"""`--scene FILE` or `--readings FILE`: what the sensor will read, and how often, whichever it comes from."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dslam_mav.errors import BadInputError
+from dslam_mav.records import Array, Medium, Truth
+from missions.patterns import pattern
+from sim_bridge.demonstration import RecordedDemo, recorded_demo
+from sim_bridge.fields import Field
+from sim_bridge.frame_stack import FrameStack
+from sim_bridge.recorded import LoggedField, read_series
+from sim_bridge.sampling import Sampling
+from sim_bridge.scene import SceneField, encode_scene, read_scene, truth
+
+DEFAULT_SCENE = Path(__file__).parents[2] / "sim_bridge" / "scenes" / "star7_three_sources.json"
+LEG_SPREADS = 2.6  # legs of the mission flown over a recording
+READINGS_PER_LEG = 64
+RECORDED_SPREAD_M = 10.0
+RECORDED_FRAMES = "2"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """A field to read along a path, how it is sampled, and what is true of it (None: unknown).
+
+    `medium`: what a scene file says of the medium, for the estimator. `notes`: what a person must be told.
+    """
+
+    field: Field
+    sampling: Sampling
+    noise_sd: float
+    rng: np.random.Generator
+    speed_m_s: float
+    vertices_m: Array
+    truth: Truth | None
+    medium: Medium | None
+    name: str
+    n_sources: int | None = None
+    attachment: tuple[str, str, bytes] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def open_readings(options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
+    """The readings the options ask for along the plan's vertices, or along the source's own path without a plan."""
+    if options.scene and options.readings:
+        raise BadInputError("--scene and --readings: expected one of them, got both")
+    if options.readings is None:
+        return _from_scene(Path(options.scene or DEFAULT_SCENE), options, vertices_m, speed_m_s)
+    path = Path(options.readings)
+    if path.suffix == ".npz":
+        return _from_frames(path, options, vertices_m, speed_m_s)
+    return _from_series(path, options, vertices_m, speed_m_s)
+
+
+def _from_scene(
+    path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None
+) -> Readings:
+    scene = read_scene(path)
+    own = scene.vertices()
+    vertices = vertices_m if vertices_m is not None else own
+    if vertices is None:
+        raise BadInputError(f"{path}: path: no vertices_m and no plan was given: there is nothing to fly")
+    if scene.medium.dimensions == 3 and vertices.shape[1] == 2:
+        vertices = np.column_stack([vertices, np.zeros(len(vertices))])
+    seed = scene.seed if options.seed is None else options.seed
+    known = truth(scene, vertices)
+    flat = Truth(known.source_position_m[:, :2], known.amplitude, known.vertices_m[:, :2])
+    return Readings(
+        field=SceneField(scene),
+        sampling=Sampling(scene.sampling.spacing_m, scene.sampling.interval_s),
+        noise_sd=scene.noise_sd(vertices),
+        rng=np.random.default_rng(seed),
+        speed_m_s=speed_m_s or scene.sampling.speed_m_s,
+        vertices_m=vertices[:, :2],
+        truth=flat if scene.medium.dimensions == 2 else None,
+        medium=scene.estimator_medium(),
+        name=path.name,
+        attachment=("scene.json", "application/json", encode_scene(scene)),
+    )
+
+
+def _from_frames(
+    path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None
+) -> Readings:
+    stack = FrameStack.read(path)
+    first, last = _frames(options.frames or RECORDED_FRAMES, path)
+    copies = options.copies or options.sources or 2
+    leg_m = LEG_SPREADS * RECORDED_SPREAD_M
+    vertices = pattern("star7", leg_m, centre_m=(0.0, 0.0)) if vertices_m is None else vertices_m
+    speed = speed_m_s or 5.0
+    length_m = float(np.linalg.norm(np.diff(vertices, axis=0), axis=1).sum())
+    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    seed = 0 if options.seed is None else options.seed
+    demo = recorded_demo(
+        stack,
+        sources=copies,
+        seed=seed,
+        frame=first,
+        spread_m=RECORDED_SPREAD_M,
+        middle_m=(float(middle[0]), float(middle[1])),
+        until_frame=None if last == first else last,
+        flight_s=length_m / speed,
+    )
+    demo.field.check_inside(vertices)
+    return Readings(
+        field=demo.field,
+        sampling=Sampling(spacing_m=leg_m / READINGS_PER_LEG),
+        noise_sd=0.0,
+        rng=np.random.default_rng(seed),
+        speed_m_s=speed,
+        vertices_m=vertices,
+        truth=demo.truth(vertices),
+        medium=None,
+        name=path.name,
+        n_sources=copies,
+        notes=(_what_was_made(path, demo, copies, first, last),),
+    )
+
+
+def _what_was_made(path: Path, demo: RecordedDemo, copies: int, first: int, last: int) -> str:
+    frames = f"frame {first}" if first == last else f"frames {first} to {last}, running during the flight"
+    scale = demo.recorded_m_per_m
+    lengths = f"1 m flown is {scale * 1e6:.3g} µm recorded" if np.isfinite(scale) else "no scale was recorded"
+    return (
+        f"{path.name}, {frames}: {copies} shifted copies added, lengths scaled so that √C is "
+        f"{demo.spread_m:g} m ({lengths}); truth is the centre fitted to the recording's own frame"
+    )
+
+
+def _frames(text: str, path: Path) -> tuple[int, int]:
+    parts = text.split(":")
+    if len(parts) > 2 or not all(part.isdigit() for part in parts):
+        raise BadInputError(f"{path}: --frames {text!r}: expected N or FIRST:LAST")
+    return int(parts[0]), int(parts[-1])
+
+
+def _from_series(
+    path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None
+) -> Readings:
+    if vertices_m is None:
+        raise BadInputError(f"{path}: logged readings have no path of their own: give a PLAN to fly")
+    series = read_series(path, options.columns)
+    speed = speed_m_s or 5.0
+    field = LoggedField(series)
+    return Readings(
+        field=field,
+        sampling=Sampling(interval_s=max(1e-3, float(np.median(np.diff(series.time_s))))),
+        noise_sd=0.0,
+        rng=np.random.default_rng(0),
+        speed_m_s=speed,
+        vertices_m=vertices_m,
+        truth=None,
+        medium=None,
+        name=path.name,
+        notes=(f"{path.name}: {series.value.size} readings over {series.duration_s:.1f} s, played by time",),
+    )

@@ -1,0 +1,59 @@
+"""`upload`, `download`, `clear`: the mission protocol from the command line."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from dslam_mav.commands.screen import Screen
+from dslam_mav.mav.frames import COMPONENT_GROUND
+from dslam_mav.mav.link import Link, wait_for_vehicle
+from dslam_mav.mav.mission_transfer import clear, download, upload
+from dslam_mav.mission import leg_plan
+from missions.plan_file import read_plan, write_plan
+
+GROUND_SYSTEM = 255
+
+
+def run_upload(options: Namespace) -> int:
+    """Send a plan, read it back and compare."""
+    screen = Screen(json_only=options.json)
+    plan = read_plan(Path(options.plan))
+    for note in plan.notes:
+        screen.warn(note)
+    with _ground(options) as link:
+        system = wait_for_vehicle(link, options.timeout)
+        with screen.progress("mission upload") as advance:
+            held = upload(link, system, plan.mission, lambda done, total: advance(done, total, "mission upload"))
+    legs = leg_plan(held)
+    length_m = float(legs.lengths_m.sum())
+    screen.say(f"Vehicle {system} holds {len(held.items)} items, {len(legs.lengths_m)} legs, {length_m:.1f} m; read back and compared")
+    screen.result({"system": system, "items": len(held.items), "legs": len(legs.lengths_m), "length_m": length_m})
+    return 0
+
+
+def run_download(options: Namespace) -> int:
+    """Fetch the vehicle's mission and write it to a file."""
+    screen = Screen(json_only=options.json)
+    with _ground(options) as link:
+        system = wait_for_vehicle(link, options.timeout)
+        mission = download(link, system)
+    write_plan(Path(options.output), mission)
+    screen.say(f"{options.output}: {len(mission.items)} items from vehicle {system}")
+    screen.result({"system": system, "items": len(mission.items), "plan": options.output})
+    return 0
+
+
+def run_clear(options: Namespace) -> int:
+    """Make the vehicle forget its mission."""
+    screen = Screen(json_only=options.json)
+    with _ground(options) as link:
+        system = wait_for_vehicle(link, options.timeout)
+        clear(link, system)
+    screen.say(f"Vehicle {system} holds no mission now")
+    screen.result({"system": system, "items": 0})
+    return 0
+
+
+def _ground(options: Namespace) -> Link:
+    return Link(options.connect, system=GROUND_SYSTEM, component=COMPONENT_GROUND)

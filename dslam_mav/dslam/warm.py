@@ -1,0 +1,24 @@
+"""Compiling ahead: the first estimate on a machine would otherwise take many seconds more than the second."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dslam_mav.dslam.estimator import estimate
+from dslam_mav.dslam.field import field
+from dslam_mav.dslam.joint import vertices
+from dslam_mav.records import Flight, Leg, Medium
+
+
+def warm_up() -> None:
+    """Run one small estimate, so that every kernel is compiled, or read from the cache of an earlier run."""
+    length = np.full(3, 3.0)
+    theta = 2.0 * np.pi / 3.0 * np.arange(3)
+    corner = vertices(theta, length)
+    legs = []
+    for j in range(3):
+        s = np.linspace(0.0, 3.0, 16, endpoint=False)
+        places = corner[j] + s[:, None] * np.array([np.cos(theta[j]), np.sin(theta[j])])
+        reading = field(places, 1.0, np.array([[1.0, 1.2], [2.2, 0.4]]), np.array([100.0, 70.0]))
+        legs.append(Leg(3.0, s, 3.0 * j + s, reading))
+    estimate(Flight(tuple(legs)), Medium(spread_m=1.0, static=True), 2)

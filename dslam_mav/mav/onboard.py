@@ -1,0 +1,250 @@
+"""The live loop on board: link -> legs -> estimate -> log and link.
+
+Estimates are computed in a thread of their own while the link goes on being read. The last one depends only
+on the frames logged until then, never on an earlier estimate, so that a replay of the log repeats it.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from dslam_mav.errors import LinkError
+from dslam_mav.legs import LegCollector
+from dslam_mav.mav import results
+from dslam_mav.mav.decode import decode
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame, messages
+from dslam_mav.mav.watch import FlightWatch
+from dslam_mav.observations import Observation, Progress, Reading
+from dslam_mav.records import Estimate, Flight
+
+Estimator = Callable[[Flight], Estimate]
+
+HEARTBEAT_S = 1.0
+MIN_LEGS = 3
+"""With fewer legs an estimate under way has nothing to say; the last one says so itself."""
+
+_ASK_AFTER_S = 2.0  # an autopilot that streams unasked is left alone
+_STREAM_US = {"LOCAL_POSITION_NED": 50_000, "VFR_HUD": 100_000, "MISSION_CURRENT": 200_000}
+
+
+class OnboardLink(Protocol):
+    """What the loop needs of `mav.link.Link`."""
+
+    def send(self, message: Any) -> None: ...  # noqa: D102
+    def send_heartbeat(self) -> None: ...  # noqa: D102
+    def receive(self, timeout_s: float) -> Frame | None: ...  # noqa: D102
+
+
+class FlightRecorder(Protocol):
+    """What the loop needs of `log.recorder.Recorder`."""
+
+    def frame(self, received_ns: int, raw: bytes) -> None: ...  # noqa: D102
+    def reading(self, received_ns: int, reading: Reading) -> None: ...  # noqa: D102
+    def progress(self, received_ns: int, progress: Progress) -> None: ...  # noqa: D102
+    def estimate(self, received_ns: int, estimate: Estimate, legs_flown: int, final: bool) -> None: ...  # noqa: D102
+    def text(self, received_ns: int, level: int, text: str) -> None: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Update:
+    """News of the flight: a leg more, or an estimate (of `legs_flown` legs, which may be fewer than flown by
+    now).
+    """
+
+    legs_flown: int
+    estimate: Estimate | None = None
+    final: bool = False
+
+
+class Onboard:
+    """One flight's loop; `run` once. `result` is the last estimate, also after `run` raised a LinkError.
+
+    `link` sends as (vehicle's system, 191). With `yaw` ATTITUDE.yaw is collected. `lost_s`, `quiet_s`: see
+    `FlightWatch`.
+    """
+
+    def __init__(
+        self,
+        link: OnboardLink,
+        vehicle_system: int,
+        collector: LegCollector,
+        estimate: Estimator,
+        recorder: FlightRecorder,
+        *,
+        on_update: Callable[[Update], None] | None = None,
+        yaw: bool = False,
+        lost_s: float = 5.0,
+        quiet_s: float = 1.0,
+    ) -> None:
+        self.result: Estimate | None = None
+        self.collector = collector
+        self._link = link
+        self._system = vehicle_system
+        self._estimate = estimate
+        self._recorder = recorder
+        self._on_update = on_update or (lambda _: None)
+        self._yaw = yaw
+        self._lost_s = lost_s
+        self._quiet_s = quiet_s
+        self._worker: ThreadPoolExecutor | None = None
+        self._running: tuple[int, Future[Estimate]] | None = None
+        self._waiting: Flight | None = None
+        self._beat_s = self._asked_s = -1e9
+        self._legs_flown = 0
+        self._progress: Progress | None = None
+        self._text_id = 0
+
+    def run(self, stop: threading.Event) -> Estimate | None:
+        """Fly along until the mission is over or `stop` is set; the last estimate, None if no leg was flown.
+
+        LinkError if the vehicle disappears before: `result` is then what the legs until then tell.
+        """
+        self._asked_s = time.monotonic()
+        watch = FlightWatch(self._system, self._asked_s, lost_s=self._lost_s, quiet_s=self._quiet_s)
+        with ThreadPoolExecutor(max_workers=1, thread_name_prefix="estimate") as self._worker:
+            problem = self._follow(watch, stop)
+            self._finish()
+        if problem is not None:
+            self._say(logging.ERROR, problem)
+            raise LinkError(problem)
+        return self.result
+
+    def _follow(self, watch: FlightWatch, stop: threading.Event) -> str | None:
+        """Until the flight is over: None, or what went wrong."""
+        while not stop.is_set():
+            now_s = time.monotonic()
+            frame, broken = self._exchange(now_s)
+            if frame is not None:
+                watch.see(frame, now_s)
+                self._take(frame)
+            elif broken is not None:
+                return None if watch.ended else f"{broken}, after {self._legs()} flown"
+            self._collect_estimate()
+            if watch.over(self.collector, now_s):
+                return None
+            if frame is None and watch.lost(now_s):
+                return (
+                    f"vehicle {self._system} fell silent for {self._lost_s:g} s, after {self._legs()} flown"
+                )
+        return None
+
+    def _exchange(self, now_s: float) -> tuple[Frame | None, LinkError | None]:
+        """A frame, if there is one; what came before the link broke is still read."""
+        broken = None
+        try:
+            self._keep_in_touch(now_s)
+        except LinkError as error:
+            broken = error
+        try:
+            return self._link.receive(0.1), broken
+        except LinkError as error:
+            return None, error
+
+    def _keep_in_touch(self, now_s: float) -> None:
+        if now_s - self._beat_s >= HEARTBEAT_S:
+            self._beat_s = now_s
+            self._link.send_heartbeat()
+        if self.collector.silent and now_s - self._asked_s >= _ASK_AFTER_S:
+            self._asked_s = now_s
+            self._ask_for_streams()
+
+    def _take(self, frame: Frame) -> None:
+        self._recorder.frame(frame.received_ns, frame.raw)
+        observation = decode(frame, self._system, yaw=self._yaw)
+        if observation is None:
+            return
+        self._record(frame.received_ns, observation)
+        if self.collector.add(observation):
+            flight = self.collector.flight()
+            if len(flight.legs) > self._legs_flown:
+                self._legs_flown = len(flight.legs)
+                self._on_update(Update(self._legs_flown))
+                if self._legs_flown >= MIN_LEGS:
+                    self._waiting = flight  # a flight still waiting is out of date
+
+    def _record(self, received_ns: int, observation: Observation) -> None:
+        if isinstance(observation, Reading):
+            self._recorder.reading(received_ns, observation)
+        elif isinstance(observation, Progress) and (observation.reached or observation != self._progress):
+            self._recorder.progress(received_ns, observation)
+            self._progress = observation if not observation.reached else self._progress
+
+    def _collect_estimate(self) -> None:
+        """Publish the estimate that is ready, start the one that waits."""
+        if self._running is not None and self._running[1].done():
+            legs_flown, done = self._running
+            self._running = None
+            if (error := done.exception()) is not None:
+                self._say(logging.WARNING, f"no estimate after {legs_flown} legs: {error}")
+            else:
+                self._publish(done.result(), legs_flown, final=False)
+        if self._running is None and self._waiting is not None and self._worker is not None:
+            self._running = len(self._waiting.legs), self._worker.submit(self._estimate, self._waiting)
+            self._waiting = None
+
+    def _finish(self) -> None:
+        """The estimate of the whole flight, from scratch; heartbeats go on meanwhile, frames are no longer
+        taken.
+        """
+        legs = self.collector.legs(final=True)
+        for note in self.collector.notes(legs):
+            self._say(logging.WARNING, note)
+        if not legs or self._worker is None:
+            self._say(logging.WARNING, "no leg with readings was flown: nothing to estimate")
+            return
+        done = self._worker.submit(self._estimate, self.collector.flight(final=True))
+        while not done.done():
+            try:
+                self._keep_in_touch(time.monotonic())
+                self._link.receive(0.05)
+            except LinkError:
+                break
+        self._legs_flown = len(legs)
+        self._publish(done.result(), len(legs), final=True)
+
+    def _publish(self, estimate: Estimate, legs_flown: int, *, final: bool) -> None:
+        self.result = estimate
+        self._recorder.estimate(time.time_ns(), estimate, legs_flown, final)
+        lines = results.in_words(estimate, legs_flown, final=final)
+        for line in lines:
+            self._say(logging.INFO, line)
+        try:
+            for message in results.result_messages(estimate, self.collector.clock.newest_ms or 0):
+                self._link.send(message)
+            for line in lines:
+                self._text_id = self._text_id % 65535 + 1
+                for message in results.status_messages(
+                    line, self._text_id, severity=results.severity(estimate.verdict)
+                ):
+                    self._link.send(message)
+        except LinkError as error:
+            self._say(logging.WARNING, f"results not sent: {error}")
+        self._on_update(Update(legs_flown, estimate, final))
+
+    def _ask_for_streams(self) -> None:
+        """ArduPilot sends nothing but HEARTBEAT to a serial port until asked, message by message and per
+        link.
+        """
+        dialect = messages()
+        wanted = dict(_STREAM_US, **({"ATTITUDE": 50_000} if self._yaw else {}))
+        for name, interval_us in wanted.items():
+            message_id = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
+            self._link.send(
+                dialect.MAVLink_command_long_message(
+                    self._system, COMPONENT_AUTOPILOT, dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
+                    0, message_id, interval_us, 0, 0, 0, 0, 0,
+                )
+            )  # fmt: skip
+
+    def _say(self, level: int, text: str) -> None:
+        self._recorder.text(time.time_ns(), level, text)
+
+    def _legs(self) -> str:
+        n = len(self.collector.legs(final=True))
+        return f"{n} leg was" if n == 1 else f"{n} legs were"

@@ -1,0 +1,52 @@
+"""Rendering: one self-contained HTML page. Everything is inline, and the page forbids itself the network."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dslam_mav.report import colours, leg_plots
+from dslam_mav.report.data import ReportData, page_of
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+_HERE = Path(__file__).parent
+
+
+def render(data: ReportData) -> str:
+    """The report of one flight as HTML: no file, no network, no clock; works without scripts, prints well."""
+    script = _asset("report.js")
+    return (
+        _environment()
+        .get_template("report.html.jinja")
+        .render(
+            page=page_of(data),
+            style=_asset("report.css"),
+            script=script,
+            # Only this very script may run, should a hostile text ever get past the escaping.
+            script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
+            colour_bar=colours.colour_bar_uri(),
+            panel_width=leg_plots.WIDTH,
+        )
+    )
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(_HERE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _asset(name: str) -> str:
+    return (_HERE / name).read_text(encoding="utf-8")

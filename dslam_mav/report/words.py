@@ -1,0 +1,58 @@
+"""The verdicts in words: how they look on the page, what they mean, and what a pilot can do about them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from dslam_mav.records import Verdict
+
+Tone = Literal["good", "caution", "bad"]
+
+TONES: dict[Verdict, Tone] = {
+    Verdict.IDENTIFIED: "good",
+    Verdict.AMBIGUOUS: "caution",
+    Verdict.MODEL_MISFIT: "caution",
+    Verdict.NOT_IDENTIFIABLE: "bad",
+    Verdict.NOT_CONVERGED: "bad",
+    Verdict.TOO_FEW_DATA: "bad",
+}
+
+NAMES = {
+    Verdict.IDENTIFIED: "Identified",
+    Verdict.AMBIGUOUS: "Ambiguous",
+    Verdict.NOT_IDENTIFIABLE: "Not identifiable",
+    Verdict.MODEL_MISFIT: "Model misfit",
+    Verdict.NOT_CONVERGED: "Not converged",
+    Verdict.TOO_FEW_DATA: "Too few data",
+}
+
+MEANINGS = {
+    Verdict.IDENTIFIED: (
+        "One arrangement of sources and legs explains the readings, up to the noise that is left. "
+        "The ± values and ellipses say how closely."
+    ),
+    Verdict.AMBIGUOUS: (
+        "More than one arrangement explains the readings almost equally well. The most likely one is shown "
+        "first; compare it with the alternatives before acting on it. Further legs in new directions tell "
+        "them apart."
+    ),
+    Verdict.NOT_IDENTIFIABLE: (
+        "Along this path the sources could move in at least one way without changing the readings beyond "
+        "their noise. Any position drawn here would be a guess, so none is. Fly more legs that cross one "
+        "another at wide angles, such as a star, and pass within about two √C of the sources."
+    ),
+    Verdict.MODEL_MISFIT: (
+        "The residuals are larger or more regular than noise. Look for the legs where they are: a wrong "
+        "distance along the leg, a wrong spread, wind, or one source more than assumed are the usual causes. "
+        "Errors may be larger than the ± values say."
+    ),
+    Verdict.NOT_CONVERGED: (
+        "No arrangement of sources and legs was found that explains the readings, so no position is shown. "
+        "Check the assumptions below, above all the spread, the number of sources and where distances come "
+        "from."
+    ),
+    Verdict.TOO_FEW_DATA: (
+        "There are fewer legs or readings than unknowns, so no position is shown. Fly more legs, or assume "
+        "fewer sources."
+    ),
+}

@@ -1,0 +1,97 @@
+"""Mission files: QGroundControl `.plan` and QGC WPL 110. Written by the file's ending, read by its content.
+
+A mission that is read carries home as item 0 where the file knows home, so what one format holds the other
+holds too.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from dslam_mav.errors import BadInputError
+from dslam_mav.mission import Mission, has_home_item
+from missions import plan_json, plan_wpl
+from missions.plan_fields import shown
+
+_WRITERS = {".plan": plan_json.text_of, ".waypoints": plan_wpl.text_of, ".txt": plan_wpl.text_of}
+_LARGEST_BYTES = 64 * 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFile:
+    """A mission as read, and notes: a sentence for each thing that was changed."""
+
+    mission: Mission
+    notes: tuple[str, ...] = ()
+
+
+def parse_plan(data: bytes, name: str) -> PlanFile:
+    """A mission file's bytes -> its mission; BadInputError names `name`, the field or line, and the value."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise BadInputError(
+            f"{name}: byte {error.start} is no text: expected a .plan or QGC WPL file"
+        ) from None
+    start = text.lstrip()
+    if start.startswith("{"):
+        return PlanFile(*plan_json.parse(text, name))
+    if start.startswith(plan_wpl.HEADER):
+        return PlanFile(*plan_wpl.parse(start, name))
+    first = start.splitlines()[0] if start else ""
+    raise BadInputError(
+        f'{name}: begins with {shown(first)}: expected a .plan (JSON) or "{plan_wpl.HEADER} 110"'
+    )
+
+
+def read_plan(path: str | os.PathLike[str]) -> PlanFile:
+    """The mission in a file of either format; BadInputError names the file, field or line, and value."""
+    source = Path(path)
+    try:
+        with source.open("rb") as stream:
+            data = stream.read(_LARGEST_BYTES + 1)
+    except OSError as error:
+        raise BadInputError(f"{source}: cannot be read: {error.strerror}") from None
+    if len(data) > _LARGEST_BYTES:
+        raise BadInputError(f"{source}: more than {_LARGEST_BYTES} bytes: expected a mission file")
+    return parse_plan(data, str(source))
+
+
+def plan_bytes(mission: Mission, ending: str = ".plan") -> bytes:
+    """The mission as a file of this ending holds it; BadInputError on an unknown ending or no items."""
+    writer = _WRITERS.get(ending.lower())
+    if writer is None:
+        raise BadInputError(f"ending {ending!r}: expected {', '.join(_WRITERS)}")
+    if len(mission.items) <= has_home_item(mission):
+        raise BadInputError("the mission is empty: expected at least one item to write")
+    try:
+        return writer(mission).encode("utf-8")
+    except ValueError:
+        raise BadInputError("the mission has no home and no position: expected one to write it") from None
+
+
+def write_plan(path: str | os.PathLike[str], mission: Mission) -> None:
+    """Write `.plan`, `.waypoints` or `.txt`, whole or not at all; BadInputError names the file and why."""
+    target = Path(path)
+    try:
+        data = plan_bytes(mission, target.suffix)
+    except BadInputError as error:
+        raise BadInputError(f"{target}: {error}") from None
+    try:
+        _replace(target, data)
+    except OSError as error:
+        raise BadInputError(f"{target}: cannot be written: {error.strerror}") from None
+
+
+def _replace(target: Path, data: bytes) -> None:
+    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        with beside.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(beside, target)
+    finally:
+        beside.unlink(missing_ok=True)

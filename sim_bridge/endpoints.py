@@ -1,0 +1,143 @@
+"""The loopback vehicle's sockets: several UDP peers on one port, TCP connections, one thread serves all."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dslam_mav.mav.frames import Frame, Parser
+from dslam_mav.mav.sockets import enlarge_receive_buffer, listening_socket
+from dslam_mav.mav.url import KINDS_LISTEN, parse_url
+
+MAX_PEERS = 32
+FORGET_S = 60.0  # every role sends a HEARTBEAT each second
+_CHUNK_BYTES = 65536
+_DATAGRAMS_AT_ONCE = 256
+
+
+@dataclass(eq=False, slots=True)
+class Peer:
+    """Somebody who has sent something: an address on a UDP socket, or a TCP connection (`address` None)."""
+
+    sock: socket.socket
+    address: Any
+    heard_s: float
+    parser: Parser = field(default_factory=Parser)
+
+
+class Endpoints:
+    """Listens on every URL: BadInputError on a malformed one, LinkError on a port in use."""
+
+    def __init__(self, urls: Sequence[str]) -> None:
+        self._bound: list[tuple[str, socket.socket]] = []
+        self._udp: dict[tuple[socket.socket, Any], Peer] = {}
+        self._tcp: dict[socket.socket, Peer] = {}
+        self.lost: list[Peer] = []  # gone since the owner last looked
+        parsed = [parse_url(url, KINDS_LISTEN) for url in urls]
+        try:
+            for url in parsed:
+                sock = listening_socket(url)
+                sock.setblocking(False)
+                self._bound.append((f"{url.kind}:{url.host}:{sock.getsockname()[1]}", sock))
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def urls(self) -> tuple[str, ...]:
+        """The URLs with the ports really bound."""
+        return tuple(url for url, _ in self._bound)
+
+    @property
+    def peers(self) -> list[Peer]:
+        """All who have sent something and are not gone."""
+        return [*self._udp.values(), *(p for p in self._tcp.values() if p.heard_s > 0.0)]
+
+    def poll(self, timeout_s: float) -> list[tuple[Peer, Frame]]:
+        """The frames that came within `timeout_s`, at once if there are some."""
+        watched = [sock for _, sock in self._bound] + list(self._tcp)
+        readable, _, _ = select.select(watched, [], [], max(0.0, timeout_s))
+        frames: list[tuple[Peer, Frame]] = []
+        for sock in readable:
+            if sock in self._tcp:
+                frames += self._read_stream(self._tcp[sock])
+            elif sock.type == socket.SOCK_STREAM:
+                self._accept(sock)
+            else:
+                frames += self._read_datagrams(sock)
+        self._forget_silent()
+        return frames
+
+    def send(self, peer: Peer, raw: bytes) -> None:
+        """Send to one peer; what cannot be sent is lost as on a radio; a broken TCP connection is dropped."""
+        if peer.address is not None:
+            with contextlib.suppress(OSError):
+                peer.sock.sendto(raw, peer.address)
+            return
+        try:
+            peer.sock.settimeout(0.2)
+            peer.sock.sendall(raw)
+        except OSError:
+            self._drop_stream(peer)
+        else:
+            peer.sock.setblocking(False)
+
+    def close(self) -> None:
+        """Close everything."""
+        for sock in (*self._tcp, *(sock for _, sock in self._bound)):
+            sock.close()
+        self._tcp.clear()
+        self._udp.clear()
+        self._bound.clear()
+
+    def _read_datagrams(self, sock: socket.socket) -> list[tuple[Peer, Frame]]:
+        frames: list[tuple[Peer, Frame]] = []
+        for _ in range(_DATAGRAMS_AT_ONCE):
+            try:
+                data, address = sock.recvfrom(_CHUNK_BYTES)
+            except OSError:  # empty, or news of a peer that closed
+                break
+            peer = self._udp.get((sock, address))
+            if peer is None:
+                if len(self._udp) >= MAX_PEERS:
+                    continue
+                peer = self._udp[sock, address] = Peer(sock, address, 0.0)
+            peer.heard_s = time.monotonic()
+            frames += [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
+        return frames
+
+    def _accept(self, listener: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            sock, _ = listener.accept()
+            enlarge_receive_buffer(sock)
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            sock.setblocking(False)
+            self._tcp[sock] = Peer(sock, None, 0.0)
+
+    def _read_stream(self, peer: Peer) -> list[tuple[Peer, Frame]]:
+        try:
+            data = peer.sock.recv(_CHUNK_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if not data:
+            self._drop_stream(peer)
+            return []
+        peer.heard_s = time.monotonic()
+        return [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
+
+    def _drop_stream(self, peer: Peer) -> None:
+        if self._tcp.pop(peer.sock, None) is not None:
+            peer.sock.close()
+            self.lost.append(peer)
+
+    def _forget_silent(self) -> None:
+        oldest_s = time.monotonic() - FORGET_S
+        for key in [key for key, peer in self._udp.items() if peer.heard_s < oldest_s]:
+            self.lost.append(self._udp.pop(key))

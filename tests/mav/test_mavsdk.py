@@ -1,0 +1,84 @@
+"""Somebody else's client against our vehicle, and our client against somebody else's vehicle."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fakes import flying, mission
+
+from dslam_mav.mav.link import Link, wait_for_vehicle
+from dslam_mav.mav.mission_compare import first_difference
+from dslam_mav.mav.mission_transfer import upload
+from dslam_mav.mission import MissionItem
+
+mavsdk = pytest.importorskip("mavsdk.mavsdk", reason="needs the mavsdk package")
+component_type = pytest.importorskip("mavsdk.component_type")
+mission_raw = pytest.importorskip("mavsdk.plugins.mission_raw.mission_raw")
+mission_raw_server = pytest.importorskip("mavsdk.plugins.mission_raw_server.mission_raw_server")
+action = pytest.importorskip("mavsdk.plugins.action.action")
+
+
+@pytest.fixture
+def client(request: pytest.FixtureRequest) -> Iterator[Any]:
+    kind = getattr(component_type.ComponentType, request.param)
+    sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
+    yield sdk
+    sdk.destroy()
+
+
+@pytest.mark.parametrize("client", ["GROUND_STATION"], indirect=True)
+def test_mavsdk_uploads_reads_back_flies_and_hears_progress(client: Any) -> None:
+    plan = mission()
+    with flying(speedup=25.0) as (url,):
+        client.add_any_connection("udpout://" + url.partition(":")[2])
+        system = client.first_autopilot(10.0)
+        raw, pilot = mission_raw.MissionRaw(system), action.Action(system)
+        items = [
+            mission_raw.MissionItem(q, i.frame, i.command, int(q == 0), 1, *i.params, i.x, i.y, i.z, 0)
+            for q, i in enumerate(plan.items)
+        ]
+        raw.upload_mission(items)
+        held = tuple(
+            MissionItem(i.command, i.frame, (i.param1, i.param2, i.param3, i.param4), i.x, i.y, i.z)
+            for i in raw.download_mission()
+        )
+        assert first_difference(plan.items, held) is None
+        heard: list[tuple[int, int]] = []
+        raw.subscribe_mission_progress(lambda progress, _: heard.append((progress.current, progress.total)))
+        pilot.arm()
+        raw.start_mission()
+        until_s = time.monotonic() + 20.0
+        while not raw.is_mission_finished() and time.monotonic() < until_s:
+            time.sleep(0.1)
+        assert raw.is_mission_finished()
+        assert {(seq, 11) for seq in range(2, 11)} <= set(heard)
+        raw.clear_mission()
+
+
+@pytest.mark.parametrize("client", ["AUTOPILOT"], indirect=True)
+def test_our_upload_to_mavsdks_vehicle(client: Any) -> None:
+    plan = mission()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    client.add_any_connection(f"udpin://127.0.0.1:{port}")
+    server = mission_raw_server.MissionRawServer(client.server_component())
+    got: list[Any] = []
+    arrived = threading.Event()
+
+    def take(result: Any, incoming: Any, _: Any) -> None:
+        got.append(incoming)
+        arrived.set()
+
+    server.subscribe_incoming_mission(take)
+    with Link(f"udpout:127.0.0.1:{port}", system=255, component=190) as link:
+        vehicle = wait_for_vehicle(link, 10.0)
+        held = upload(link, vehicle, plan)
+        assert first_difference(plan.items, held.items) is None
+        assert arrived.wait(5.0)
+        assert [item.command for item in got[0].mission_items] == [item.command for item in plan.items]
