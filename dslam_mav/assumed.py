@@ -30,9 +30,7 @@ def estimator(assumptions: Assumptions, collector: LegCollector, mission: Missio
         prior = None
         if assumptions.heading != "none":
             prior = (_headings(assumptions, collector, mission, len(flight.legs)), assumptions.heading_sd_rad)
-        result = estimate(
-            flown, medium, assumptions.n_sources, heading_prior=prior, seed=assumptions.seed
-        )
+        result = estimate(flown, medium, assumptions.n_sources, heading_prior=prior, seed=assumptions.seed)
         if prior is None or mission is None:
             return result
         return _moved(result, leg_plan(mission).vertices_m[0])

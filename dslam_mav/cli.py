@@ -152,13 +152,17 @@ def _plan(commands: Commands[_Parser]) -> None:
     parser.add_argument("--leg", metavar="M", type=_POSITIVE, default=32.0, help="leg length (default: 32)")
     parser.add_argument("--legs", metavar="N", type=_COUNT, help="number of legs (default: the pattern's own)")
     parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it is flown, degrees and metres")
-    parser.add_argument("--centre", metavar="E,N", help="middle of the pattern in metres from home (default: begins there)")
+    parser.add_argument(
+        "--centre", metavar="E,N", help="middle of the pattern in metres from home (default: begins there)"
+    )
     parser.add_argument("--first-heading", metavar="DEG", type=_ANY, default=0.0, help="counter-clockwise from east")
     parser.add_argument("--altitude", metavar="M", type=_POSITIVE, default=20.0, help="above home (default: 20)")
     parser.add_argument("--speed", metavar="M_S", type=_POSITIVE, default=5.0, help="(default: 5)")
     parser.add_argument("--hold", metavar="S", type=_NOT_NEGATIVE, default=0.0, help="wait at each corner (default: 0)")
     parser.add_argument("--seed", metavar="N", type=_SEED, help="of the pattern random")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write it: .plan (QGroundControl) or .waypoints (WPL 110)")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write it: .plan (QGroundControl) or .waypoints (WPL 110)"
+    )
 
 
 def _transfer(commands: Commands[_Parser]) -> None:
@@ -186,11 +190,15 @@ def _vehicle(commands: Commands[_Parser]) -> None:
         commands, "vehicle", "a MAVLink autopilot stand-in that flies missions in straight legs",
         "--listen udpin:127.0.0.1:14550 --speedup 10", ("vehicle", "run"),
     )  # fmt: skip
-    parser.add_argument("--listen", metavar="URL", action="append", help="udpin:HOST:PORT or tcpin:HOST:PORT, repeatable")
+    parser.add_argument(
+        "--listen", metavar="URL", action="append", help="udpin:HOST:PORT or tcpin:HOST:PORT, repeatable"
+    )
     parser.add_argument("--speedup", metavar="X", type=_POSITIVE, default=1.0, help="times real time (default: 1)")
     parser.add_argument("--system", metavar="ID", type=_COUNT, default=1, help="MAVLink system id (default: 1)")
     parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it stands, degrees and metres")
-    parser.add_argument("--cruise-speed", metavar="M_S", type=_POSITIVE, default=5.0, help="unless the mission says (5)")
+    parser.add_argument(
+        "--cruise-speed", metavar="M_S", type=_POSITIVE, default=5.0, help="unless the mission says (5)"
+    )
     parser.add_argument("--seed", metavar="N", type=_SEED, help="repeats a flight exactly")
 
 
@@ -241,7 +249,9 @@ def _replay(commands: Commands[_Parser]) -> None:
 
 
 def _report(commands: Commands[_Parser]) -> None:
-    parser = _add(commands, "report", "one self-contained page on a flight", "logs/latest/flight.mcap", ("report", "run"))
+    parser = _add(
+        commands, "report", "one self-contained page on a flight", "logs/latest/flight.mcap", ("report", "run")
+    )
     parser.add_argument("logs", nargs="+", metavar="LOG", help=".mcap or .tlog")
     parser.add_argument("-o", "--output", metavar="FILE", help="(default: beside the log)")
     _assumptions(parser)

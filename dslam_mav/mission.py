@@ -91,9 +91,7 @@ class Mission:
         """(sequence number, item) of every NAV_WAYPOINT with a position but the home item: the path flown."""
         first = 1 if has_home_item(self) else 0
         return tuple(
-            (q, i)
-            for q, i in enumerate(self.items)
-            if q >= first and i.command == CMD_WAYPOINT and i.has_position
+            (q, i) for q, i in enumerate(self.items) if q >= first and i.command == CMD_WAYPOINT and i.has_position
         )
 
 
@@ -162,9 +160,7 @@ def without_home_item(mission: Mission) -> Mission:
 
 def _jumps_moved(items: Sequence[MissionItem], by: int) -> tuple[MissionItem, ...]:
     """Items whose DO_JUMP targets follow when everything moves `by` places."""
-    return tuple(
-        replace(i, params=(i.params[0] + by, *i.params[1:])) if i.command == CMD_JUMP else i for i in items
-    )
+    return tuple(replace(i, params=(i.params[0] + by, *i.params[1:])) if i.command == CMD_JUMP else i for i in items)
 
 
 def enu_to_e7(east_m: float, north_m: float, home: Home) -> tuple[int, int]:

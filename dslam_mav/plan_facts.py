@@ -26,9 +26,7 @@ class PlanFacts:
         if list(self.vertices) != sorted(set(self.vertices)):
             raise ValueError(f"vertices: expected rising sequence numbers, got {self.vertices}")
         if len(self.lengths_m) != max(0, len(self.vertices) - 1):
-            raise ValueError(
-                f"lengths_m: expected {len(self.vertices) - 1} lengths, got {len(self.lengths_m)}"
-            )
+            raise ValueError(f"lengths_m: expected {len(self.vertices) - 1} lengths, got {len(self.lengths_m)}")
 
     def length_m(self, start_seq: int, end_seq: int) -> float | None:
         """The planned length of the leg between two neighbouring vertices; None if they are none."""

@@ -186,9 +186,7 @@ class Path:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices_m", read_only(self.vertices_m, "vertices_m", (None, None)))
-        object.__setattr__(
-            self, "heading_rad", read_only(self.heading_rad, "heading_rad", (len(self.vertices_m) - 1,))
-        )
+        object.__setattr__(self, "heading_rad", read_only(self.heading_rad, "heading_rad", (len(self.vertices_m) - 1,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,9 +252,7 @@ class Truth:
 
     def __post_init__(self) -> None:
         k = len(self.amplitude)
-        object.__setattr__(
-            self, "source_position_m", read_only(self.source_position_m, "source_position_m", (k, None))
-        )
+        object.__setattr__(self, "source_position_m", read_only(self.source_position_m, "source_position_m", (k, None)))
         object.__setattr__(self, "amplitude", read_only(self.amplitude, "amplitude", (k,)))
         object.__setattr__(self, "vertices_m", read_only(self.vertices_m, "vertices_m", (None, None)))
 

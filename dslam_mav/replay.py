@@ -47,9 +47,7 @@ def flight_from_log(
     `system` None: the autopilot heard most. BadInputError, one line, says what the log lacks.
     """
     path = Path(path)
-    return flight_from_frames(
-        list(frames_of(path)), str(path), plan=plan, distance=distance, yaw=yaw, system=system
-    )
+    return flight_from_frames(list(frames_of(path)), str(path), plan=plan, distance=distance, yaw=yaw, system=system)
 
 
 def flight_from_frames(

@@ -56,9 +56,7 @@ class Profile:
     def __post_init__(self) -> None:
         lowest_m = 0.1 if self.take_off else 0.0
         if not lowest_m <= self.altitude_m <= 10_000.0:
-            raise BadInputError(
-                f"altitude {self.altitude_m:g} m: expected {lowest_m:g} to 10000 m above home"
-            )
+            raise BadInputError(f"altitude {self.altitude_m:g} m: expected {lowest_m:g} to 10000 m above home")
         if not 0.01 <= self.speed_m_s <= 100.0:
             raise BadInputError(f"speed {self.speed_m_s:g} m/s: expected 0.01 to 100 m/s")
         if not (0.0 <= self.hold_s <= 3600.0 and float(self.hold_s).is_integer()):
@@ -95,9 +93,7 @@ def _check_vertices(vertices_m: np.ndarray) -> None:
     if far.any():
         j = int(np.flatnonzero(far)[0])
         east_m, north_m = vertices_m[j]
-        raise BadInputError(
-            f"vertex {j} at {east_m:g}, {north_m:g} m: expected at most {FURTHEST_M:g} m from home"
-        )
+        raise BadInputError(f"vertex {j} at {east_m:g}, {north_m:g} m: expected at most {FURTHEST_M:g} m from home")
     short = np.linalg.norm(np.diff(vertices_m, axis=0), axis=1) < SAME_PLACE_M
     if short.any():
         raise BadInputError(f"leg {int(np.flatnonzero(short)[0])}: shorter than {SAME_PLACE_M:g} m")

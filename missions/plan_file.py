@@ -32,18 +32,14 @@ def parse_plan(data: bytes, name: str) -> PlanFile:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise BadInputError(
-            f"{name}: byte {error.start} is no text: expected a .plan or QGC WPL file"
-        ) from None
+        raise BadInputError(f"{name}: byte {error.start} is no text: expected a .plan or QGC WPL file") from None
     start = text.lstrip()
     if start.startswith("{"):
         return PlanFile(*plan_json.parse(text, name))
     if start.startswith(plan_wpl.HEADER):
         return PlanFile(*plan_wpl.parse(start, name))
     first = start.splitlines()[0] if start else ""
-    raise BadInputError(
-        f'{name}: begins with {shown(first)}: expected a .plan (JSON) or "{plan_wpl.HEADER} 110"'
-    )
+    raise BadInputError(f'{name}: begins with {shown(first)}: expected a .plan (JSON) or "{plan_wpl.HEADER} 110"')
 
 
 def read_plan(path: str | os.PathLike[str]) -> PlanFile:

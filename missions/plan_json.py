@@ -158,9 +158,7 @@ class _Reader:
         command = _get(spot, item, "command", int, "a command's number")
         frame = _get(spot, item, "frame", int, "a frame's number")
         autocontinue = _get(spot, item, "autoContinue", bool, "true or false")
-        jump_id = (
-            _get(spot, item, "doJumpId", int, "a whole number") if "doJumpId" in item else len(self.items) + 1
-        )
+        jump_id = _get(spot, item, "doJumpId", int, "a whole number") if "doJumpId" in item else len(self.items) + 1
         self.place_of_id.setdefault(jump_id, len(self.items))
         self.items.append(self.maker.make(spot, command, frame, params, autocontinue))
         self.spots.append(spot)
@@ -215,9 +213,7 @@ def _load(text: str, file: str) -> dict[str, Any]:
     try:
         root = json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
-        raise BadInputError(
-            f"{file}: line {error.lineno} column {error.colno}: bad JSON: {error.msg}"
-        ) from None
+        raise BadInputError(f"{file}: line {error.lineno} column {error.colno}: bad JSON: {error.msg}") from None
     except _NoJsonNumberError as error:
         raise BadInputError(f"{file}: {error}: JSON has no such number, expected null") from None
     except (RecursionError, ValueError):

@@ -44,9 +44,7 @@ def parse(text: str, file: str) -> tuple[Mission, tuple[str, ...]]:
     lines = text.splitlines()
     version = lines[0].split()[2:] if lines else []
     if version not in ([_WITH_HOME], [_WITHOUT_HOME]):
-        raise BadInputError(
-            f"{file}: line 1 {shown(lines[0] if lines else '')}: expected {HEADER} {_WITH_HOME}"
-        )
+        raise BadInputError(f"{file}: line 1 {shown(lines[0] if lines else '')}: expected {HEADER} {_WITH_HOME}")
     maker = ItemMaker(_FIELDS[4:11])
     items: list[MissionItem] = []
     for number, line in enumerate(lines[1:], start=2):

@@ -52,9 +52,7 @@ class Autopilot:
         self.mission_state = MissionState.NO_MISSION
         self.first_seq = 0
         self.streams = Streams({LOCAL_POSITION_NED: round(1000 / position_rate_hz), **DEFAULT_INTERVAL_MS})
-        self._jitter_rad = (
-            np.random.default_rng(seed).normal(0.0, ATTITUDE_JITTER_RAD, (_JITTERS, 3)).tolist()
-        )
+        self._jitter_rad = np.random.default_rng(seed).normal(0.0, ATTITUDE_JITTER_RAD, (_JITTERS, 3)).tolist()
         self._zero_ms = 0  # of the attitude's trembling: the flight's start
         self._items: tuple[MissionItem, ...] = ()
         self._place_m: Place = _STILL
@@ -195,9 +193,7 @@ class Autopilot:
         command = CMD_RETURN_TO_LAUNCH if mode is Mode.RETURN else CMD_LAND
         item = MissionItem(command, 3, (math.nan,) * 4, 0, 0, 0.0)
         place_m = self._place_m
-        timeline = lay_out(
-            (item,), self.home, place_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=self._yaw_rad
-        )
+        timeline = lay_out((item,), self.home, place_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=self._yaw_rad)
         if self.in_mission:
             self._set_state(MissionState.PAUSED)
         self._flight = Flight(timeline, self.time_ms + 1, is_mission=False)

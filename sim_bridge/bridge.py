@@ -79,9 +79,7 @@ class Bridge:
                 heard_s = now_s
                 self.hear(frame.message)
             elif math.isfinite(heard_s) and now_s - heard_s > silence_s:
-                raise LinkError(
-                    f"{self._link.url}: vehicle {self._system} has been silent for {silence_s:g} s"
-                )
+                raise LinkError(f"{self._link.url}: vehicle {self._system} has been silent for {silence_s:g} s")
 
     def hear(self, message: Any) -> None:
         """One message of the vehicle: sends the readings that are due by it."""

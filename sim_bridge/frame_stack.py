@@ -37,26 +37,20 @@ class GaussianFit:
 class FrameStack:
     """A recording: `frames` (T, H, W), `time_s` (T,) increasing; `pixel_m` is NaN where no scale is known."""
 
-    def __init__(
-        self, frames: ArrayLike, time_s: ArrayLike, pixel_m: float = np.nan, name: str = "frames"
-    ) -> None:
+    def __init__(self, frames: ArrayLike, time_s: ArrayLike, pixel_m: float = np.nan, name: str = "frames") -> None:
         self.frames = np.asarray(frames, dtype=np.float64)
         self.time_s = np.asarray(time_s, dtype=np.float64)
         self.pixel_m = float(pixel_m)
         self.name = name
         if self.frames.ndim != 3 or min(self.frames.shape, default=0) < 1 or min(self.frames.shape[1:]) < 4:
-            raise BadInputError(
-                f"{name}: frames: expected (T, H, W) of at least 4×4 pixels, got {self.frames.shape}"
-            )
+            raise BadInputError(f"{name}: frames: expected (T, H, W) of at least 4×4 pixels, got {self.frames.shape}")
         if self.time_s.shape != self.frames.shape[:1] or not (np.diff(self.time_s) > 0.0).all():
             raise BadInputError(
                 f"{name}: time_s: expected {len(self.frames)} increasing times, got shape {self.time_s.shape}"
             )
         bad = np.argwhere(~np.isfinite(self.frames))
         if len(bad):
-            raise BadInputError(
-                f"{name}: frames{bad[0].tolist()}: expected finite values, got {len(bad)} others"
-            )
+            raise BadInputError(f"{name}: frames{bad[0].tolist()}: expected finite values, got {len(bad)} others")
         self._splines: dict[int, Array] = {}
         self._fits: dict[int, GaussianFit] = {}
 
@@ -68,20 +62,14 @@ class FrameStack:
                 missing = {"frames", "time_s", "pixel_m"} - set(arrays)
                 if missing:
                     there = ", ".join(arrays) or "none"
-                    raise BadInputError(
-                        f"{path}: {', '.join(sorted(missing))}: missing array, it has {there}"
-                    )
-                loaded = [
-                    np.asarray(arrays[key], dtype=np.float64) for key in ("frames", "time_s", "pixel_m")
-                ]
+                    raise BadInputError(f"{path}: {', '.join(sorted(missing))}: missing array, it has {there}")
+                loaded = [np.asarray(arrays[key], dtype=np.float64) for key in ("frames", "time_s", "pixel_m")]
         except OSError as error:
             raise BadInputError(f"{path}: cannot be read: {error.strerror or error}") from None
         except BadInputError:
             raise
         except Exception as error:  # zipfile, zlib, numpy's format: whatever a broken file sets off
-            raise BadInputError(
-                f"{path}: expected a .npz file of numbers, got: {_first_line(error)}"
-            ) from None
+            raise BadInputError(f"{path}: expected a .npz file of numbers, got: {_first_line(error)}") from None
         if loaded[2].size != 1:
             raise BadInputError(f"{path}: pixel_m: expected one number, got shape {loaded[2].shape}")
         return cls(loaded[0], loaded[1], float(loaded[2].reshape(())), str(path))
@@ -125,9 +113,7 @@ class FrameStack:
         return value
 
     def _spatial(self, frame: int, places_px: Array) -> Array:
-        return np.asarray(
-            map_coordinates(self.spline(frame), places_px, order=3, mode="mirror", prefilter=False)
-        )
+        return np.asarray(map_coordinates(self.spline(frame), places_px, order=3, mode="mirror", prefilter=False))
 
 
 def _first_line(error: Exception) -> str:

@@ -34,9 +34,7 @@ HIGHEST_M = 20_000.0
 
 _PLACED = frozenset({CMD_WAYPOINT, CMD_LOITER_TIME, CMD_LAND, CMD_TAKEOFF})
 # camera, gimbal and region-of-interest commands of survey plans: taken, and nothing done
-_IGNORED = frozenset(
-    {115, 195, 197, 201, 203, 205, 206, 214, 530, 531, 532, 1000, 1001, 2000, 2001, 2500, 2501}
-)
+_IGNORED = frozenset({115, 195, 197, 201, 203, 205, 206, 214, 530, 531, 532, 1000, 1001, 2000, 2001, 2500, 2501})
 _SUPPORTED = _PLACED | _IGNORED | {CMD_RETURN_TO_LAUNCH, CMD_CHANGE_SPEED, CMD_DELAY}
 
 Refusal = tuple[int, str]

@@ -82,18 +82,14 @@ def parse_columns(text: str | None, defaults: Mapping[str, Column] | None = None
             continue
         field, found, name = (word.strip() for word in part.partition("="))
         if not found or field not in FIELDS or not name:
-            raise BadInputError(
-                f"--columns: {part.strip()}: expected FIELD=NAME with FIELD of {', '.join(FIELDS)}"
-            )
+            raise BadInputError(f"--columns: {part.strip()}: expected FIELD=NAME with FIELD of {', '.join(FIELDS)}")
         base, star, factor = name.rpartition("*")
         if not star:
             columns[field] = Column(name)
             continue
         number = _number(factor)
         if number is None or number == 0.0 or not base:
-            raise BadInputError(
-                f"--columns: {part.strip()}: expected a number other than 0 after *, got {factor!r}"
-            )
+            raise BadInputError(f"--columns: {part.strip()}: expected a number other than 0 after *, got {factor!r}")
         columns[field] = Column(base.strip(), number)
     return columns
 
@@ -103,9 +99,7 @@ def read_series(path: Path, columns: str | None = None) -> Series:
     readers = {".csv": read_csv, ".tlog": _read_tlog, ".mcap": _read_mcap}
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise BadInputError(
-            f"{path}: expected a .csv, .mcap or .tlog file, got {path.suffix or 'no ending'!r}"
-        )
+        raise BadInputError(f"{path}: expected a .csv, .mcap or .tlog file, got {path.suffix or 'no ending'!r}")
     return reader(path, columns)
 
 
@@ -128,8 +122,7 @@ def read_csv(path: Path, columns: str | None = None) -> Series:
     if late.size:
         line, values = lines[int(late[0]) + 1]
         raise BadInputError(
-            f"{path}: line {line}: {wanted['time_s'].name}: expected later than the line before, "
-            f"got {values[0]:g} s"
+            f"{path}: line {line}: {wanted['time_s'].name}: expected later than the line before, got {values[0]:g} s"
         )
     return Series(table[:, 0], table[:, 1], table[:, 2:4] if len(wanted) == len(FIELDS) else None)
 
@@ -140,9 +133,7 @@ def _csv_columns(path: Path, header: list[str], columns: str | None) -> dict[str
     wanted = {f: asked.get(f, Column(f)) for f in FIELDS}
     for field, column in wanted.items():
         if column.name not in header and (field in asked or field in ("time_s", "value")):
-            raise BadInputError(
-                f"{path}: line 1: column {column.name}: missing, it has {', '.join(header) or 'none'}"
-            )
+            raise BadInputError(f"{path}: line 1: column {column.name}: missing, it has {', '.join(header) or 'none'}")
     if not all(wanted[field].name in header for field in ("east_m", "north_m")):
         del wanted["east_m"], wanted["north_m"]
     return wanted
@@ -184,9 +175,7 @@ def _read_mcap(path: Path, columns: str | None) -> Series:
     readings = [reading for _, reading in read_log(path).readings]
     names = sorted({reading.name for reading in readings})
     if column.name not in names:
-        raise BadInputError(
-            f"{path}: value {column.name}: not in this log, it has {', '.join(names) or 'none'}"
-        )
+        raise BadInputError(f"{path}: value {column.name}: not in this log, it has {', '.join(names) or 'none'}")
     return _series(path, column, ((r.time_boot_ms / 1e3, r.value) for r in readings if r.name == column.name))
 
 
@@ -205,9 +194,7 @@ def _series(path: Path, column: Column, samples: Iterator[tuple[float, float]]) 
     dropped = 0
     for at_s, sample in samples:
         if not math.isfinite(sample):
-            raise BadInputError(
-                f"{path}: {column.name}: expected finite values, got {sample} at {at_s:.3f} s"
-            )
+            raise BadInputError(f"{path}: {column.name}: expected finite values, got {sample} at {at_s:.3f} s")
         if time_s and at_s <= time_s[-1]:
             dropped += 1
             continue

@@ -73,9 +73,7 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             places += [(f"path.vertices_m[{i}]", v) for i, v in enumerate(self.path.vertices_m)]
         for name, place in places:
             if len(place) != d:
-                raise ValueError(
-                    f"{name}: expected {d} numbers (medium.dimensions is {d}), got {list(place)}"
-                )
+                raise ValueError(f"{name}: expected {d} numbers (medium.dimensions is {d}), got {list(place)}")
 
     @property
     def source_position_m(self) -> Array:

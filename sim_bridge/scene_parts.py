@@ -46,9 +46,7 @@ class PathOfScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for i, vertex in enumerate(self.vertices_m):
             _places(f"vertices_m[{i}]", vertex)
             if i and vertex == self.vertices_m[i - 1]:
-                raise ValueError(
-                    f"vertices_m[{i}]: expected another place than vertex {i - 1}, got {list(vertex)}"
-                )
+                raise ValueError(f"vertices_m[{i}]: expected another place than vertex {i - 1}, got {list(vertex)}")
 
 
 class Sampling(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

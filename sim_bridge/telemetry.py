@@ -205,9 +205,7 @@ def _autopilot_version(_: Snapshot) -> Any:
         | m.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     )
     nothing = [0] * 8
-    return m.MAVLink_autopilot_version_message(
-        capabilities, 0x00010000, 0, 0, 0, nothing, nothing, nothing, 0, 0, 1
-    )
+    return m.MAVLink_autopilot_version_message(capabilities, 0x00010000, 0, 0, 0, nothing, nothing, nothing, 0, 0, 1)
 
 
 def _wire_ms(now: Snapshot) -> int:

@@ -46,10 +46,7 @@ def mission(
     items = [
         MissionItem(CMD_TAKEOFF, 6, (0.0, NAN, NAN, NAN), 0, 0, 10.0),
         MissionItem(CMD_CHANGE_SPEED, 2, (1.0, speed_m_s, -1.0, 0.0), 0, 0, 0.0),
-        *(
-            MissionItem(CMD_WAYPOINT, 6, (hold_s, 0, 0, NAN), *enu_to_e7(e, n, home), 10.0)
-            for e, n in corners
-        ),
+        *(MissionItem(CMD_WAYPOINT, 6, (hold_s, 0, 0, NAN), *enu_to_e7(e, n, home), 10.0) for e, n in corners),
         MissionItem(CMD_RETURN_TO_LAUNCH, 2, (0.0,) * 4, 0, 0, 0.0),
     ]
     return Mission(tuple(items), home)
@@ -73,9 +70,7 @@ def flying(*listen: str, **options: Any) -> Iterator[tuple[str, ...]]:
 class ScriptedVehicle:
     """A vehicle whose every answer is written down: `answer(message)` gives the messages to send back."""
 
-    def __init__(
-        self, answer: Callable[[Any], list[Any]], *, autopilot: int = 0, beats: float = math.inf
-    ) -> None:
+    def __init__(self, answer: Callable[[Any], list[Any]], *, autopilot: int = 0, beats: float = math.inf) -> None:
         self._answer = answer
         self._autopilot = autopilot
         self.silent_from_s = math.inf  # monotonic time from which on it is gone

@@ -42,9 +42,7 @@ def repack(frame: Frame, /, **fields: Any) -> Frame:
     return pack(message, frame.received_ns, message.get_srcSystem(), message.get_srcComponent())
 
 
-def reading(
-    time_ms: int, value: float, received_ms: int, name: str = "THERMAL", component: int = 158
-) -> Frame:
+def reading(time_ms: int, value: float, received_ms: int, name: str = "THERMAL", component: int = 158) -> Frame:
     wire = M.MAVLink_named_value_float_message(time_ms % 2**32, name.encode(), value)
     return pack(wire, received_ms * 1_000_000, 1, component)
 

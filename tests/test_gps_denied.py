@@ -116,9 +116,7 @@ def scrambled(frame: Frame, rng: np.random.Generator) -> Frame:
     return repack(frame, **changed)
 
 
-def moved(
-    frames: list[Frame], place: Callable[[int, float, float], Any], turn: Callable[[int], Turn]
-) -> list[Frame]:
+def moved(frames: list[Frame], place: Callable[[int, float, float], Any], turn: Callable[[int], Turn]) -> list[Frame]:
     """Dead reckoning in a frame per leg: positions by `place`, velocities by `turn` of the leg's number."""
     leg, out = 0, []
     for frame in frames:
@@ -225,8 +223,6 @@ def test_the_estimator_side_imports_nothing_that_knows_where_the_vehicle_is():
         names = {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
         names |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
         forbidden = {
-            n
-            for n in names
-            if n.startswith(("pymavlink", "dslam_mav.mav", "dslam_mav.mission", "dslam_mav.log"))
+            n for n in names if n.startswith(("pymavlink", "dslam_mav.mav", "dslam_mav.mission", "dslam_mav.log"))
         }
         assert not forbidden, f"{path.name} imports {forbidden}"

@@ -76,9 +76,7 @@ def test_a_leg_waits_for_a_reading_past_its_end():
             completed_at.append(observation)
     assert completed_at  # the last leg has no reading past its end: it is there only at the end
     assert all(isinstance(o, Reading) for o in completed_at)
-    assert [o.time_boot_ms >= t for o, t in zip(completed_at, flown.corner_ms[1:], strict=False)] == [
-        True
-    ] * 3
+    assert [o.time_boot_ms >= t for o, t in zip(completed_at, flown.corner_ms[1:], strict=False)] == [True] * 3
     assert len(collector.flight().legs) == 3
     assert len(collector.flight(final=True).legs) == 4
 
@@ -130,11 +128,7 @@ def test_item_reached_alone_is_enough():
 
 
 def test_item_reached_repeated_as_px4_does_counts_once():
-    frames = [
-        copy
-        for f in fly().frames
-        for copy in ([f] * 10 if f in of_type([f], "MISSION_ITEM_REACHED") else [f])
-    ]
+    frames = [copy for f in fly().frames for copy in ([f] * 10 if f in of_type([f], "MISSION_ITEM_REACHED") else [f])]
     assert len(collect(frames).flight(final=True).legs) == 4
 
 
@@ -156,11 +150,7 @@ def test_a_corner_nobody_reported_is_no_straight_leg(plan):
 def test_items_that_are_no_vertices_do_not_cut_a_leg():
     """DO_CHANGE_SPEED in the middle: MISSION_CURRENT steps over it."""
     frames = fly().frames
-    at = next(
-        i
-        for i, f in enumerate(frames)
-        if f.message.get_type() == "MISSION_ITEM_REACHED" and f.message.seq == 2
-    )
+    at = next(i for i, f in enumerate(frames) if f.message.get_type() == "MISSION_ITEM_REACHED" and f.message.seq == 2)
     renamed = []
     for i, f in enumerate(frames):
         kind = f.message.get_type()
@@ -195,8 +185,7 @@ def test_duplicates_and_unfinite_readings_are_dropped_and_counted():
     assert collector.counts["not finite"] == 2
     plain = collect(flown.frames).flight(final=True)
     assert all(
-        (a.reading == b.reading).all()
-        for a, b in zip(collector.flight(final=True).legs, plain.legs, strict=True)
+        (a.reading == b.reading).all() for a, b in zip(collector.flight(final=True).legs, plain.legs, strict=True)
     )
     assert "2 readings were not finite and were dropped" in collector.notes(collector.legs(final=True))
 
@@ -206,9 +195,7 @@ def test_copies_an_autopilot_makes_of_readings_do_not_count_twice():
     copies = [reading(t + 3, 999.0, t + 4, component=1) for t in flown.distance_m]
     frames = sorted([*flown.frames, *copies], key=lambda f: f.received_ns)
     assert collect(frames).flight(final=True).n_readings == len(flown.distance_m)
-    own = [
-        pack(f.message, f.received_ns) if f in of_type([f], "NAMED_VALUE_FLOAT") else f for f in flown.frames
-    ]
+    own = [pack(f.message, f.received_ns) if f in of_type([f], "NAMED_VALUE_FLOAT") else f for f in flown.frames]
     assert collect(own).flight(final=True).n_readings == len(flown.distance_m)  # an autopilot's own sensor
 
 
@@ -302,9 +289,7 @@ def test_samples_that_miss_the_leg_by_much_do_not_measure_it():
     m = motion(t, t, np.ones(t.size))
     at = np.array([5.0])
     assert place(m, 10.0, at, mode=None, planned_m=None) is None
-    assert place(
-        motion(t - 2.0, t, np.ones(t.size)), 8.0, at, mode=None, planned_m=None
-    ).length_m == pytest.approx(8.0)
+    assert place(motion(t - 2.0, t, np.ones(t.size)), 8.0, at, mode=None, planned_m=None).length_m == pytest.approx(8.0)
 
 
 @settings(max_examples=60, deadline=None)
@@ -340,9 +325,7 @@ def test_yaw_gives_the_heading_of_each_leg_and_leaves_the_flight_alone():
     for j, (begin, end) in enumerate(zip(flown.corner_ms, flown.corner_ms[1:], strict=False)):
         for t in range(begin, end, 100):
             turning = 1.0 if t - begin < 500 else 0.0  # the first half second still turns
-            wire = M.MAVLink_attitude_message(
-                t, 0.0, 0.0, math.remainder(course[j] + turning, 2 * math.pi), 0, 0, 0
-            )
+            wire = M.MAVLink_attitude_message(t, 0.0, 0.0, math.remainder(course[j] + turning, 2 * math.pi), 0, 0, 0)
             frames.append(pack(wire, t * 1_000_000))
     frames.sort(key=lambda f: f.received_ns)
     collector = collect(frames, yaw=True)
@@ -352,8 +335,7 @@ def test_yaw_gives_the_heading_of_each_leg_and_leaves_the_flight_alone():
     assert np.cos(error).min() > 0.0
     plain = collect(frames).flight(final=True)
     assert all(
-        (a.distance_m == b.distance_m).all()
-        for a, b in zip(plain.legs, collector.flight(final=True).legs, strict=True)
+        (a.distance_m == b.distance_m).all() for a, b in zip(plain.legs, collector.flight(final=True).legs, strict=True)
     )
     assert np.isnan(collect(frames).headings_rad(legs)).all()
 

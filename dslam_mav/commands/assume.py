@@ -22,9 +22,7 @@ def assumptions_from(
     """What the options say, over what a scene's medium or a log's configuration says, over the defaults."""
     start = base or Assumptions()
     if medium is not None:
-        start = replace(
-            start, diffusivity_m2_s=medium.diffusivity_m2_s, ambient=medium.ambient, static=medium.static
-        )
+        start = replace(start, diffusivity_m2_s=medium.diffusivity_m2_s, ambient=medium.ambient, static=medium.static)
     given: dict[str, Any] = {}
     if options.sources is not None:
         given["n_sources"] = None if options.sources == "auto" else options.sources
@@ -45,7 +43,9 @@ def assumptions_from(
     elif options.static or options.spread is not None:
         given["static"] = True
     if options.spread is not None and options.evolving:
-        raise BadInputError("--spread with --evolving: only a static field has one spread; give --diffusivity and --activation")
+        raise BadInputError(
+            "--spread with --evolving: only a static field has one spread; give --diffusivity and --activation"
+        )
     return replace(start, **given)
 
 
@@ -72,6 +72,7 @@ def recorded_assumptions(attachment: bytes, name: str) -> Assumptions:
 
 def in_words(assumptions: Assumptions) -> dict[str, str]:
     """The assumptions as a person reads them, for the report."""
+
     def known(value: float | None, unit: str) -> str:
         return "estimated" if value is None else f"{value:g}{unit}"
 

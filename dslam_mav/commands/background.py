@@ -36,7 +36,7 @@ class Background:
     def _run(self) -> None:
         try:
             self._job(self._stop)
-        except BaseException as error:  # noqa: BLE001 - handed to the main thread by check()
+        except BaseException as error:
             self.error = error
 
 

@@ -73,7 +73,9 @@ def _set_up(options: Namespace) -> Setup:
         mission, name = plan_mission(own.vertices_m, DEFAULT_HOME, profile), f"the path of {own.name}"
     plan_legs = leg_plan(mission)
     if len(plan_legs.vertices_m) < 2:
-        raise BadInputError(f"{options.plan}: {len(plan_legs.vertices_m)} waypoints: expected 2 or more, to fly legs between")
+        raise BadInputError(
+            f"{options.plan}: {len(plan_legs.vertices_m)} waypoints: expected 2 or more, to fly legs between"
+        )
     readings = open_readings(options, plan_legs.vertices_m, _speed_m_s(mission))
     readings.sampling.check(readings.speed_m_s)
     assumptions = assumptions_from(options, medium=readings.medium)
@@ -159,14 +161,16 @@ def _watch(
             if now_s - beat_s >= 1.0:
                 beat_s = now_s
                 ground.send_heartbeat()
-            while ground.receive(0.02) is not None:
-                pass
+            while ground.receive(0.02) is not None and time.monotonic() - now_s < 0.1:
+                pass  # nothing here is for us, but the socket must not fill up
             for update in updates[shown:]:
                 shown += 1
                 advance(update.legs_flown, n_legs, "legs flown")
                 if update.estimate is not None and not update.final:
                     spread = f"√C {update.estimate.spread_m:.2f} m"
-                    screen.say(f"after leg {update.legs_flown}: {update.estimate.verdict.name}, {spread}. {update.estimate.reason}")
+                    screen.say(
+                        f"after leg {update.legs_flown}: {update.estimate.verdict.name}, {spread}. {update.estimate.reason}"
+                    )
             if reading.error is not None and not isinstance(reading.error, LinkError):
                 return
 

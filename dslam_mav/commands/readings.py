@@ -58,9 +58,7 @@ def open_readings(options: Namespace, vertices_m: Array | None, speed_m_s: float
     return _from_series(path, options, vertices_m, speed_m_s)
 
 
-def _from_scene(
-    path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None
-) -> Readings:
+def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
     scene = read_scene(path)
     own = scene.vertices()
     vertices = vertices_m if vertices_m is not None else own
@@ -85,9 +83,7 @@ def _from_scene(
     )
 
 
-def _from_frames(
-    path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None
-) -> Readings:
+def _from_frames(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
     stack = FrameStack.read(path)
     first, last = _frames(options.frames or RECORDED_FRAMES, path)
     copies = options.copies or options.sources or 2
@@ -140,9 +136,7 @@ def _frames(text: str, path: Path) -> tuple[int, int]:
     return int(parts[0]), int(parts[-1])
 
 
-def _from_series(
-    path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None
-) -> Readings:
+def _from_series(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
     if vertices_m is None:
         raise BadInputError(f"{path}: logged readings have no path of their own: give a PLAN to fly")
     series = read_series(path, options.columns)

@@ -14,7 +14,9 @@ from dslam_mav.errors import BadInputError
 def run(options: Namespace) -> int:
     """One page a log, beside the log unless `-o` says where."""
     if options.output and len(options.logs) > 1:
-        raise BadInputError(f"-o {options.output}: expected one log, got {len(options.logs)}: a page is written for each")
+        raise BadInputError(
+            f"-o {options.output}: expected one log, got {len(options.logs)}: a page is written for each"
+        )
     screen = Screen(json_only=options.json)
     pages = []
     for name in options.logs:

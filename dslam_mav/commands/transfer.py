@@ -27,7 +27,9 @@ def run_upload(options: Namespace) -> int:
             held = upload(link, system, plan.mission, lambda done, total: advance(done, total, "mission upload"))
     legs = leg_plan(held)
     length_m = float(legs.lengths_m.sum())
-    screen.say(f"Vehicle {system} holds {len(held.items)} items, {len(legs.lengths_m)} legs, {length_m:.1f} m; read back and compared")
+    screen.say(
+        f"Vehicle {system} holds {len(held.items)} items, {len(legs.lengths_m)} legs, {length_m:.1f} m; read back and compared"
+    )
     screen.result({"system": system, "items": len(held.items), "legs": len(legs.lengths_m), "length_m": length_m})
     return 0
 

@@ -32,7 +32,7 @@ def run(options: Namespace) -> int:
 
 
 def parse_home(text: str) -> Home:
-    """"LAT,LON" or "LAT,LON,ALT" in degrees and metres."""
+    """ "LAT,LON" or "LAT,LON,ALT" in degrees and metres."""
     parts = text.split(",")
     try:
         if len(parts) not in (2, 3):

@@ -41,7 +41,9 @@ def information(jacobian: Array, noise_variance: float) -> Information:
 def source_blocks(covariance: Array, n_legs: int, k_sources: int) -> Array:
     """(K, 2, 2) covariance of each source's position."""
     first = n_legs - 1
-    blocks = [covariance[first + 2 * k : first + 2 * k + 2, first + 2 * k : first + 2 * k + 2] for k in range(k_sources)]
+    blocks = [
+        covariance[first + 2 * k : first + 2 * k + 2, first + 2 * k : first + 2 * k + 2] for k in range(k_sources)
+    ]
     return np.array(blocks)
 
 

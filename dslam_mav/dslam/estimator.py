@@ -109,7 +109,9 @@ def _with_k(
         return nothing(flight, medium, k_sources, Verdict.TOO_FEW_DATA, reason)
     span = float(np.ptp(prob.y))
     if span <= 1e-12 * float(np.abs(prob.y).max()):
-        reason = f"All {prob.y.size} readings are the same ({prob.y[0]:g}): no source is in reach, or the sensor is stuck."
+        reason = (
+            f"All {prob.y.size} readings are the same ({prob.y[0]:g}): no source is in reach, or the sensor is stuck."
+        )
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
     unit = _in_unit_range(prob, span)
     begun = starts(unit, k_sources, np.random.default_rng(seed))

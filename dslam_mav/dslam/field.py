@@ -1,6 +1,6 @@
 """The diffusion field of K instantaneous sources: Green's function (1)–(3), in d dimensions (Appendix E).
 
-    f(x, t) = Σ_k a_k (πC_k)^(−d/2) exp(−|x − S_k|²/C_k),   C_k(t) = 4μ(t − τ_k),   zero for t ≤ τ_k
+f(x, t) = Σ_k a_k (πC_k)^(−d/2) exp(−|x − S_k|²/C_k),   C_k(t) = 4μ(t − τ_k),   zero for t ≤ τ_k
 """
 
 from __future__ import annotations

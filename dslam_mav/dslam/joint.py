@@ -249,9 +249,7 @@ def moved(prob: Problem, state: State, step: Array) -> State:
         turn += float(np.clip(step[index], -MAX_STEP_HEADING_RAD, MAX_STEP_HEADING_RAD))
     if prob.evolution == "age" and prob.diffusivity is not None:
         log_spread2 = float(np.log(4.0 * prob.diffusivity) + log_age)
-    return State(
-        theta, state.s + place.reshape(-1, 2), state.log_amplitude + logs, log_spread2, log_age, ambient, turn
-    )
+    return State(theta, state.s + place.reshape(-1, 2), state.log_amplitude + logs, log_spread2, log_age, ambient, turn)
 
 
 def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit:

@@ -9,11 +9,22 @@ measured from the start of its first leg, and log amplitudes α (K,), where a so
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "nsz"},
+}
 
 MAX_EXPONENT = 300.0
 STEP_HEADING_RAD = 0.5
@@ -22,7 +33,7 @@ STEP_LOG_AMPLITUDE = 1.0
 
 
 @njit(**_OPTIONS)
-def _sample(table, y0, h, y, phi, dphi):
+def _sample(table: Array, y0: float, h: float, y: float, phi: Array, dphi: Array) -> None:
     """φ and φ' at y by cubic Hermite interpolation of one leg's table (G, 2, R); zero outside the table."""
     u = (y - y0) / h
     g = int(math.floor(u))
@@ -49,7 +60,7 @@ def _sample(table, y0, h, y, phi, dphi):
 
 
 @njit(**_OPTIONS)
-def _solve(a, b, p):
+def _solve(a: Array, b: Array, p: int) -> bool:
     """Solve a x = b in place for symmetric positive a[:p, :p] (Cholesky); False where it is not positive."""
     for i in range(p):
         for j in range(i + 1):
@@ -76,7 +87,24 @@ def _solve(a, b, p):
 
 
 @njit(**_OPTIONS)
-def _normal_equations(z, table, y0, h, c, length, lo, hi, theta, s, alpha, alpha0, amp_sd, work, jtj, jtr):
+def _normal_equations(
+    z: Array,
+    table: Array,
+    y0: float,
+    h: float,
+    c: Array,
+    length: Array,
+    lo: int,
+    hi: int,
+    theta: Array,
+    s: Array,
+    alpha: Array,
+    alpha0: float,
+    amp_sd: float,
+    work: tuple[Array, ...],
+    jtj: Array,
+    jtr: Array,
+) -> float:
     """Cost of a candidate on legs lo … hi, and its normal equations.
 
     Parameters in order: headings of legs lo+1 … hi, then (x, y, α) of every source. The columns of earlier headings
@@ -177,7 +205,7 @@ def _normal_equations(z, table, y0, h, c, length, lo, hi, theta, s, alpha, alpha
 
 
 @njit(**_OPTIONS)
-def _workspace(k_sources, size, n_legs):
+def _workspace(k_sources: int, size: int, n_legs: int) -> tuple[Array, ...]:
     n_col = 3 * k_sources + 3
     return (
         np.empty((n_col, size)),
@@ -190,7 +218,23 @@ def _workspace(k_sources, size, n_legs):
 
 
 @njit(**_OPTIONS)
-def fit_batch(z, table, y0, h, c, length, lo, hi, theta, s, alpha, alpha0, amp_sd, iterations, tolerance):
+def fit_batch(
+    z: Array,
+    table: Array,
+    y0: float,
+    h: float,
+    c: Array,
+    length: Array,
+    lo: int,
+    hi: int,
+    theta: Array,
+    s: Array,
+    alpha: Array,
+    alpha0: float,
+    amp_sd: float,
+    iterations: int,
+    tolerance: float,
+) -> tuple[Array, Flags]:
     """Levenberg–Marquardt on legs lo … hi for every candidate, in place; returns (costs, converged).
 
     theta (B, L), s (B, K, 2), alpha (B, K). Steps are clipped (0.5 rad, one spread, 1 in log amplitude).
@@ -213,9 +257,7 @@ def fit_batch(z, table, y0, h, c, length, lo, hi, theta, s, alpha, alpha0, amp_s
     converged = np.zeros(batch, dtype=np.bool_)
     for b in range(batch):
         th, sb, al = theta[b], s[b], alpha[b]
-        cost = _normal_equations(
-            z, table, y0, h, c, length, lo, hi, th, sb, al, alpha0, amp_sd, work, jtj, jtr
-        )
+        cost = _normal_equations(z, table, y0, h, c, length, lo, hi, th, sb, al, alpha0, amp_sd, work, jtj, jtr)
         lam = 1e-3
         for _ in range(iterations):
             for i in range(n_par):
@@ -268,7 +310,18 @@ def fit_batch(z, table, y0, h, c, length, lo, hi, theta, s, alpha, alpha0, amp_s
 
 
 @njit(**_OPTIONS)
-def corner_fits(z, table, y0, h, c, length, j, uvw, prior_sd, iterations):
+def corner_fits(
+    z: Array,
+    table: Array,
+    y0: float,
+    h: float,
+    c: Array,
+    length: Array,
+    j: int,
+    uvw: Array,
+    prior_sd: float,
+    iterations: int,
+) -> Array:
     """Fit (U, V, W) of every source on legs j and j+1, their angle left out; in place, returns the data costs.
 
     uvw (B, K, 3): U and W are the source's projections on the two legs from their common corner, V its log
@@ -344,8 +397,7 @@ def corner_fits(z, table, y0, h, c, length, j, uvw, prior_sd, iterations):
                             uv += first[2 * a, r] * first[2 * q + 1, r]
                             vu += first[2 * a + 1, r] * first[2 * q, r]
                             vv += (
-                                first[2 * a + 1, r] * first[2 * q + 1, r]
-                                + second[2 * a + 1, r] * second[2 * q + 1, r]
+                                first[2 * a + 1, r] * first[2 * q + 1, r] + second[2 * a + 1, r] * second[2 * q + 1, r]
                             )
                             vw += second[2 * a + 1, r] * second[2 * q, r]
                             wv += second[2 * a, r] * second[2 * q + 1, r]
@@ -392,7 +444,9 @@ def corner_fits(z, table, y0, h, c, length, j, uvw, prior_sd, iterations):
 
 
 @njit(**_OPTIONS)
-def open_corner(uvw, c1, c2, length, angles, max_offset, max_alpha):
+def open_corner(
+    uvw: Array, c1: float, c2: float, length: float, angles: Array, max_offset: float, max_alpha: float
+) -> tuple[Array, Array, Array]:
     """Source maps of corner solutions at every turn angle ψ: S from the first leg's start, α; one angle per scan.
 
     The offset of a source from the first leg is d = (W − U cos ψ)/sin ψ; maps with |d| > max_offset or an amplitude
@@ -425,7 +479,20 @@ def open_corner(uvw, c1, c2, length, angles, max_offset, max_alpha):
 
 
 @njit(**_OPTIONS)
-def scan_heading(z, table, y0, h, c, length, j, start, s, alpha, headings, backwards):
+def scan_heading(
+    z: Array,
+    table: Array,
+    y0: float,
+    h: float,
+    c: Array,
+    length: Array,
+    j: int,
+    start: Array,
+    s: Array,
+    alpha: Array,
+    headings: Array,
+    backwards: bool,
+) -> tuple[Array, Array]:
     """Cost of leg j at every heading for every candidate, and the two best local minima.
 
     `start` (B, 2) is the leg's start, or its end when `backwards`; s (B, K, 2) in the same frame. Returns
@@ -473,7 +540,7 @@ def scan_heading(z, table, y0, h, c, length, j, start, s, alpha, headings, backw
 
 
 @njit(**_OPTIONS)
-def distinct(theta, s, alpha, lo, hi, keep, tolerance):
+def distinct(theta: Array, s: Array, alpha: Array, lo: int, hi: int, keep: int, tolerance: float) -> Indices:
     """Indices of the first `keep` candidates (given best first) that differ by more than `tolerance`.
 
     Sources are compared in order of x, headings by their cosine and sine.

@@ -82,9 +82,7 @@ def score(estimate: Estimate, truth: Truth) -> Score | None:
     found, real = match(estimate.sources.position_m, aligned.source_position_m)
     k = len(estimate.sources)
     error_m, relative = np.full(k, np.nan), np.full(k, np.nan)
-    error_m[found] = np.linalg.norm(
-        estimate.sources.position_m[found] - aligned.source_position_m[real], axis=1
-    )
+    error_m[found] = np.linalg.norm(estimate.sources.position_m[found] - aligned.source_position_m[real], axis=1)
     relative[found] = _ratio(
         np.abs(estimate.sources.amplitude[found] - truth.amplitude[real]), np.abs(truth.amplitude[real])
     )

@@ -124,7 +124,9 @@ def _open_corner(comp: Compressed, k_sources: int, corner: int, rng: np.random.G
     return Modes(theta, s, alpha, np.zeros(turn.size))
 
 
-def _add_leg(comp: Compressed, beam: Modes, lo: int, hi: int, rng: np.random.Generator, step: int) -> tuple[Modes, int, int]:
+def _add_leg(
+    comp: Compressed, beam: Modes, lo: int, hi: int, rng: np.random.Generator, step: int
+) -> tuple[Modes, int, int]:
     """One leg more, on the side with more energy: scan its heading, keep the best, fit all legs so far."""
     energy = (comp.z**2).sum(axis=1)
     last = comp.length.size - 1

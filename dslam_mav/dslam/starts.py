@@ -57,9 +57,7 @@ def medium_grid(prob: Problem) -> list[tuple[float, float]]:
 
 def compressed(prob: Problem, log_spread2: float, log_age: float, sigma: float | None) -> Compressed:
     """The legs compressed at one C(t)."""
-    blank = State(
-        np.zeros(prob.length.size), np.zeros((1, 2)), np.zeros(1), log_spread2, log_age, prob.ambient or 0.0
-    )
+    blank = State(np.zeros(prob.length.size), np.zeros((1, 2)), np.zeros(1), log_spread2, log_age, prob.ambient or 0.0)
     spread2, _ = squared_spread(prob, blank)
     legs = []
     for j, length in enumerate(prob.length):
@@ -74,9 +72,7 @@ def states(prob: Problem, comp: Compressed, modes: Modes, log_spread2: float, lo
     out = []
     to_amplitude = np.log(comp.sigma * np.pi * comp.scale**2)
     for theta, s, alpha in zip(modes.theta, modes.s, modes.alpha, strict=True):
-        state = State(
-            theta.copy(), s * comp.scale, alpha + to_amplitude, log_spread2, log_age, prob.ambient or 0.0
-        )
+        state = State(theta.copy(), s * comp.scale, alpha + to_amplitude, log_spread2, log_age, prob.ambient or 0.0)
         if prob.ambient is None:
             bare = replace(prob, heading_prior=None, closed_sd_m=None, peak_prior=None)
             state = replace(state, ambient=-float(evaluate(bare, state)[0].mean()))

@@ -13,7 +13,7 @@ from dslam_mav.records import Flight, Leg, Medium
 def warm_up() -> None:
     """Run one small estimate, so that every kernel is compiled, or read from the cache of an earlier run."""
     length = np.full(3, 3.0)
-    theta = 2.0 * np.pi / 3.0 * np.arange(3)
+    theta = np.arange(3, dtype=np.float64) * (2.0 * np.pi / 3.0)
     corner = vertices(theta, length)
     legs = []
     for j in range(3):

@@ -83,9 +83,7 @@ def encode_truth(truth: Truth) -> pb.Truth:
 
 def decode_truth(message: pb.Truth) -> Truth:
     """The truth of a `/truth` message."""
-    return Truth(
-        _numbers(message.source_position_m), np.array(message.amplitude), _numbers(message.vertices_m)
-    )
+    return Truth(_numbers(message.source_position_m), np.array(message.amplitude), _numbers(message.vertices_m))
 
 
 def encode_update(estimate: Estimate, legs_flown: int, final: bool) -> pb.EstimateUpdate:
@@ -138,9 +136,7 @@ def _encode(estimate: Estimate) -> pb.Estimate:
             peak_reading=sources.peak_reading.tolist(),
             activation_s=sources.activation_s.tolist(),
         ),
-        path=pb.Path(
-            vertices_m=_array(estimate.path.vertices_m), heading_rad=estimate.path.heading_rad.tolist()
-        ),
+        path=pb.Path(vertices_m=_array(estimate.path.vertices_m), heading_rad=estimate.path.heading_rad.tolist()),
         medium=_encode_medium(estimate.medium),
         spread_m=estimate.spread_m,
         noise_sd=estimate.noise_sd,
@@ -170,8 +166,7 @@ def _encode_medium(medium: Medium) -> pb.Medium:
 
 def _decode_medium(message: pb.Medium) -> Medium:
     known: dict[str, Any] = {
-        name: getattr(message, name) if message.HasField(name) else None
-        for name in (*_OPTIONAL_MEDIUM, "activation_s")
+        name: getattr(message, name) if message.HasField(name) else None for name in (*_OPTIONAL_MEDIUM, "activation_s")
     }
     if message.activation_shared:
         known["activation_s"] = "shared"

@@ -31,9 +31,7 @@ def encode_frame(raw: bytes) -> RawFrame | None:
         if len(raw) != _V2_OVERHEAD + raw[1] + signed * _SIGNATURE_BYTES or message_id == SETUP_SIGNING:
             return None
         stored = without_signature(raw) if signed else raw
-        return RawFrame(
-            raw=stored, system=raw[5], component=raw[6], message_id=message_id, signature_removed=signed
-        )
+        return RawFrame(raw=stored, system=raw[5], component=raw[6], message_id=message_id, signature_removed=signed)
     if len(raw) >= _V1_OVERHEAD and raw[0] == _V1_MARKER and len(raw) == _V1_OVERHEAD + raw[1]:
         return RawFrame(raw=raw, system=raw[3], component=raw[4], message_id=raw[5])
     return None

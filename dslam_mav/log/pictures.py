@@ -36,9 +36,7 @@ def pictures(time_ns: int, estimate: Estimate) -> Iterator[tuple[str, Message]]:
     if not _drawable(estimate):
         yield (
             SCENE,
-            SceneUpdate(
-                deletions=[SceneEntityDeletion(timestamp=timestamp(time_ns), type=SceneEntityDeletion.ALL)]
-            ),
+            SceneUpdate(deletions=[SceneEntityDeletion(timestamp=timestamp(time_ns), type=SceneEntityDeletion.ALL)]),
         )
         return
     yield PATH, _path(time_ns, estimate)
@@ -74,10 +72,7 @@ def _path(time_ns: int, estimate: Estimate) -> PosesInFrame:
     return PosesInFrame(
         timestamp=timestamp(time_ns),
         frame_id=estimate.gauge,
-        poses=[
-            draw.pose(vertex, heading)
-            for vertex, heading in zip(estimate.path.vertices_m, headings, strict=True)
-        ],
+        poses=[draw.pose(vertex, heading) for vertex, heading in zip(estimate.path.vertices_m, headings, strict=True)],
     )
 
 

@@ -23,9 +23,7 @@ from mcap.records import Attachment, Header
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 _RECORD = struct.Struct("<BQ")
-_CHUNK = struct.Struct(
-    "<QQQII"
-)  # start, end, uncompressed size, its checksum, length of the compression's name
+_CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, its checksum, length of the compression's name
 _FOOTER = struct.Struct("<BQQQI")
 _MAX_CHUNK_BYTES = 2**30  # a damaged size must not exhaust the memory
 

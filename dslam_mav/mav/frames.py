@@ -98,9 +98,7 @@ def _packet_length(buffer: bytes | bytearray, at: int) -> int | None:
     message_id = int.from_bytes(buffer[at + 7 : at + 10], "little")
     if flags & ~_FLAG_SIGNED or message_id not in dialect.mavlink_map:
         return 0
-    return (
-        _HEADER_BYTES + buffer[at + 1] + _CHECKSUM_BYTES + (_SIGNATURE_BYTES if flags & _FLAG_SIGNED else 0)
-    )
+    return _HEADER_BYTES + buffer[at + 1] + _CHECKSUM_BYTES + (_SIGNATURE_BYTES if flags & _FLAG_SIGNED else 0)
 
 
 # decoding without a signing key keeps no state between packets, so that one decoder serves everybody

@@ -36,9 +36,7 @@ _NEEDED = {
 }
 
 
-def first_difference(
-    sent: tuple[MissionItem, ...], held: tuple[MissionItem, ...], first: int = 0
-) -> str | None:
+def first_difference(sent: tuple[MissionItem, ...], held: tuple[MissionItem, ...], first: int = 0) -> str | None:
     """The first item and field that differ beyond the known roundings, in words; None: the same mission.
 
     Items before `first` are the vehicle's own (ArduPilot keeps its home in item 0).
@@ -48,9 +46,7 @@ def first_difference(
     for seq, (ours, theirs) in enumerate(zip(sent[first:], held[first:], strict=True), first):
         if (field := _difference(ours, theirs)) is not None:
             name, mine, other = field
-            return (
-                f"item {seq} ({command_name(ours.command)}): {name}: sent {mine}, the vehicle holds {other}"
-            )
+            return f"item {seq} ({command_name(ours.command)}): {name}: sent {mine}, the vehicle holds {other}"
     return None
 
 

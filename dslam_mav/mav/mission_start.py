@@ -70,7 +70,5 @@ def _await_armed(talk: Talk) -> None:
     while not talk.armed:
         if time.monotonic() >= until_s:
             words = talk.last_words()
-            raise MissionError(
-                f"vehicle {talk.system} accepted the start of its mission but is not armed{words}"
-            )
+            raise MissionError(f"vehicle {talk.system} accepted the start of its mission but is not armed{words}")
         talk.receive(until_s)

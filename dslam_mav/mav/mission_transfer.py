@@ -101,9 +101,7 @@ def clear(link: Link, vehicle_system: int) -> None:
         raise LinkError(_silence(talk, end, "clearing"))
     left = _read(talk)
     if len(left) > (1 if talk.autopilot()[0] == ARDUPILOT else 0):  # ArduPilot may keep its home
-        raise MissionError(
-            f"vehicle {vehicle_system} still holds {len(left)} items after clearing its mission"
-        )
+        raise MissionError(f"vehicle {vehicle_system} still holds {len(left)} items after clearing its mission")
 
 
 def _run(talk: Talk, begun: Step, step: StepFunction, progress: Progress | None) -> Transfer:

@@ -129,9 +129,7 @@ class Onboard:
             if watch.over(self.collector, now_s):
                 return None
             if frame is None and watch.lost(now_s):
-                return (
-                    f"vehicle {self._system} fell silent for {self._lost_s:g} s, after {self._legs()} flown"
-                )
+                return f"vehicle {self._system} fell silent for {self._lost_s:g} s, after {self._legs()} flown"
         return None
 
     def _exchange(self, now_s: float) -> tuple[Frame | None, LinkError | None]:

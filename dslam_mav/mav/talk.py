@@ -64,9 +64,7 @@ class Talk:
                 self._beat_s = now_s
             if now_s - self.heard_s > SILENCE_S:
                 what = f"disappeared{self.doing}" if self.heard else "does not answer"
-                raise LinkError(
-                    f"vehicle {self.system} on {self.link.url} {what}: nothing heard for {SILENCE_S:g} s"
-                )
+                raise LinkError(f"vehicle {self.system} on {self.link.url} {what}: nothing heard for {SILENCE_S:g} s")
             next_s = min(until_s, self._beat_s + HEARTBEAT_S, self.heard_s + SILENCE_S + 0.01)
             frame = self.link.receive(max(0.0, next_s - now_s))
             if frame is not None and self._is_ours(frame.message):
@@ -91,9 +89,7 @@ class Talk:
         seven = (*params, *(0.0,) * (7 - len(params)))
         for confirmation in range(1 + COMMAND_RETRIES):
             self.send(
-                messages().MAVLink_command_long_message(
-                    self.system, COMPONENT_AUTOPILOT, command, confirmation, *seven
-                )
+                messages().MAVLink_command_long_message(self.system, COMPONENT_AUTOPILOT, command, confirmation, *seven)
             )
             result = self._await_ack(command)
             if result is not None:

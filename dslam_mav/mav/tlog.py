@@ -30,9 +30,7 @@ class Tlog:
         try:
             self._data = self.path.read_bytes()
         except OSError as problem:
-            raise BadInputError(
-                f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}"
-            ) from None
+            raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
 
     def __iter__(self) -> Iterator[Frame]:
         data = self._data
@@ -54,9 +52,7 @@ class Tlog:
             yield frame
         self.bad_bytes += len(data) - at
         if not data or len(data) - self.bad_bytes < _LEAST_GOOD_SHARE * len(data):
-            raise BadInputError(
-                f"{self.path}: no tlog: expected timestamped MAVLink packets, found hardly any"
-            )
+            raise BadInputError(f"{self.path}: no tlog: expected timestamped MAVLink packets, found hardly any")
 
 
 def read_tlog(path: Path) -> Tlog:

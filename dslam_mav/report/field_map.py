@@ -113,18 +113,14 @@ def field_values(estimate: Estimate, x_m: Array, y_m: Array) -> Array:
     sources, total = estimate.sources, np.zeros((y_m.size, x_m.size))
     d = sources.position_m.shape[1]
     height_m = float(estimate.path.vertices_m[:, 2].mean()) if d == 3 else 0.0
-    for place, amplitude, peak in zip(
-        sources.position_m, sources.amplitude, sources.peak_reading, strict=True
-    ):
+    for place, amplitude, peak in zip(sources.position_m, sources.amplitude, sources.peak_reading, strict=True):
         known = np.isfinite(peak) and peak * amplitude > 0.0
         c = (amplitude / peak) ** (2.0 / d) / np.pi if known else estimate.spread_m**2
         if not (np.isfinite(c) and c > 0.0):
             continue
         top = peak if known else amplitude * (np.pi * c) ** (-0.5 * d)
         depth = np.exp(-((height_m - place[2]) ** 2) / c) if d == 3 else 1.0
-        total += (
-            top * depth * np.outer(np.exp(-((y_m - place[1]) ** 2) / c), np.exp(-((x_m - place[0]) ** 2) / c))
-        )
+        total += top * depth * np.outer(np.exp(-((y_m - place[1]) ** 2) / c), np.exp(-((x_m - place[0]) ** 2) / c))
     return total
 
 
@@ -139,12 +135,8 @@ def _field_picture(estimate: Estimate, window: geo.Window) -> tuple[str, str, tu
     corners = window.units(np.array([[x[0], y[0]], [x[-1], y[-1]]]))
     x_units = np.linspace(corners[0, 0], corners[1, 0], x.size)
     y_units = np.linspace(corners[0, 1], corners[1, 1], y.size)
-    contours = "".join(
-        geo.contour_path(coarse, level, x_units, y_units) for level in ticks if low < level < high
-    )
-    bar = tuple(
-        (float((t - low) / (high - low)), label) for t, label in zip(ticks, tick_labels(ticks), strict=True)
-    )
+    contours = "".join(geo.contour_path(coarse, level, x_units, y_units) for level in ticks if low < level < high)
+    bar = tuple((float((t - low) / (high - low)), label) for t, label in zip(ticks, tick_labels(ticks), strict=True))
     return image_uri((values - low) / (high - low)), contours, bar
 
 
@@ -166,11 +158,7 @@ def _marks(
     for k, (centre, label) in enumerate(zip(centres, labels, strict=True)):
         axes = geo.ellipse(estimate.position_covariance_m2[k][:2, :2])
         # The drawing's y points down, so the turn changes sign.
-        drawn = (
-            None
-            if axes is None
-            else (axes[0] * window.scale, axes[1] * window.scale, -float(np.degrees(axes[2])))
-        )
+        drawn = None if axes is None else (axes[0] * window.scale, axes[1] * window.scale, -float(np.degrees(axes[2])))
         marks.append(Mark(centre[0], centre[1], f"S{k + 1}", label[0], label[1], drawn))
     return tuple(marks)
 
@@ -184,9 +172,7 @@ def _arrows(vertices: Array) -> tuple[tuple[float, float, float], ...]:
 
 
 def _ticks(values: Array, offset: float, scale: float) -> tuple[tuple[float, str], ...]:
-    return tuple(
-        (offset + float(v) * scale, label) for v, label in zip(values, tick_labels(values), strict=True)
-    )
+    return tuple((offset + float(v) * scale, label) for v, label in zip(values, tick_labels(values), strict=True))
 
 
 def _points(points: Array) -> tuple[tuple[float, float], ...]:

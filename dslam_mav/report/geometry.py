@@ -93,9 +93,7 @@ def contour_path(values: Array, level: float, x: Array, y: Array) -> str:
     """SVG path data of the line `values` (rows along y, columns along x) = `level`, by marching squares."""
     above = values > level
     corners = (values[:-1, :-1], values[:-1, 1:], values[1:, 1:], values[1:, :-1])
-    mixed = (
-        above[:-1, :-1] ^ above[:-1, 1:] | above[1:, 1:] ^ above[1:, :-1] | above[:-1, :-1] ^ above[1:, 1:]
-    )
+    mixed = above[:-1, :-1] ^ above[:-1, 1:] | above[1:, 1:] ^ above[1:, :-1] | above[:-1, :-1] ^ above[1:, 1:]
     rows, columns = np.nonzero(mixed)
     v = np.stack([c[rows, columns] for c in corners], axis=1)
     corner_x = np.stack([x[columns], x[columns + 1], x[columns + 1], x[columns]], axis=1)
@@ -111,8 +109,7 @@ def contour_path(values: Array, level: float, x: Array, y: Array) -> str:
         # Two cut edges make one segment; a saddle has four and makes two.
         edges = np.flatnonzero(hit)
         parts += [
-            f"M{cx[a]:.1f} {cy[a]:.1f}L{cx[b]:.1f} {cy[b]:.1f}"
-            for a, b in zip(edges[::2], edges[1::2], strict=True)
+            f"M{cx[a]:.1f} {cy[a]:.1f}L{cx[b]:.1f} {cy[b]:.1f}" for a, b in zip(edges[::2], edges[1::2], strict=True)
         ]
     return "".join(parts)
 
@@ -158,8 +155,7 @@ def place_labels(
                 spot = mark + far * reach * np.array([np.cos(direction), -np.sin(direction)])
                 edge = min(spot[0] - left, right - spot[0], spot[1] - top, bottom - spot[1])
                 room = min(
-                    [0.6 * edge, reach, _nearest(spot, obstacles)]
-                    + [distance_to_segments(spot, q) for q in lines]
+                    [0.6 * edge, reach, _nearest(spot, obstacles)] + [distance_to_segments(spot, q) for q in lines]
                 )
                 if room - 2.0 * far > best_room:
                     best, best_room = spot, room - 2.0 * far

@@ -87,9 +87,7 @@ def leg_plots(flight: Flight, estimate: Estimate) -> LegPlots | None:
     high = max(float(leg.reading.max()) for leg in legs)
     pad = 0.06 * ((high - low) or abs(high) or 1.0)
     reading_axis = _axis(low - pad, high + pad, (_READING[0] + _READING[1], -_READING[1]), 6, False)
-    residual_axis = (
-        None if residuals is None else _residual_axis(np.concatenate(residuals), estimate.noise_sd)
-    )
+    residual_axis = None if residuals is None else _residual_axis(np.concatenate(residuals), estimate.noise_sd)
     shown = min(MAX_PANELS, len(flight.legs))
     panels = [
         _panel(
@@ -147,8 +145,7 @@ def _panel(
         y = residual_axis.units(inside)
         residual_path = _data_path(x, y, as_strokes, columns)
         beyond = tuple(
-            (float(x[i]), float(y[i]), bool(residual[i] > 0.0))
-            for i in np.flatnonzero(inside != residual)[:40]
+            (float(x[i]), float(y[i]), bool(residual[i] > 0.0)) for i in np.flatnonzero(inside != residual)[:40]
         )
     headings = estimate.path.heading_rad
     return LegPanel(
@@ -156,9 +153,7 @@ def _panel(
         length_m=leg.length_m,
         heading_rad=float(headings[j]) if j < headings.size else float("nan"),
         readings=leg.reading.size,
-        residual_rms=float(np.sqrt(np.mean(residual**2)))
-        if residual is not None and residual.size
-        else float("nan"),
+        residual_rms=float(np.sqrt(np.mean(residual**2))) if residual is not None and residual.size else float("nan"),
         reading_path=_data_path(x, reading_axis.units(leg.reading), as_strokes, columns),
         residual_path=residual_path,
         as_strokes=as_strokes,
@@ -173,9 +168,7 @@ def _data_path(x: Array, y: Array, as_strokes: bool, columns: int) -> str:
     if not as_strokes:
         return geo.svg_dots(np.stack([x, y], axis=1))
     centre, low, high = thinned(x, y, columns)
-    return "".join(
-        f"M{c:.1f} {a:.1f}V{max(b, a + 0.4):.1f}" for c, a, b in zip(centre, low, high, strict=True)
-    )
+    return "".join(f"M{c:.1f} {a:.1f}V{max(b, a + 0.4):.1f}" for c, a, b in zip(centre, low, high, strict=True))
 
 
 def _model_path(x: Array, y: Array) -> str:

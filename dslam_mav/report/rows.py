@@ -115,9 +115,7 @@ def leg_rows(flight: Flight, estimate: Estimate, result: Score | None) -> tuple[
                 end=", ".join(fixed(float(p), 2) for p in vertices[j + 1]),
                 end_error_m=_distance(float(errors[j + 1])) if j + 1 < errors.size else UNKNOWN,
                 readings=f"{flight.legs[j].reading.size:,}" if j < len(flight.legs) else UNKNOWN,
-                residual_rms=significant(float(np.sqrt(np.mean(residual**2))), 2)
-                if residual.size
-                else UNKNOWN,
+                residual_rms=significant(float(np.sqrt(np.mean(residual**2))), 2) if residual.size else UNKNOWN,
             )
         )
     return tuple(rows)
@@ -172,8 +170,7 @@ def fit_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
 def error_rows(result: Score) -> tuple[tuple[str, str], ...]:
     """Errors against truth, ours in metres and the paper's relative ones."""
     amplitudes = ", ".join(
-        UNKNOWN if math.isnan(e) else f"{significant(100.0 * e, 2)} %"
-        for e in result.amplitude_relative_error
+        UNKNOWN if math.isnan(e) else f"{significant(100.0 * e, 2)} %" for e in result.amplitude_relative_error
     )
     lines = significant(result.paper_lines, 3)
     if math.isinf(result.paper_lines):

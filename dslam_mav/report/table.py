@@ -118,8 +118,7 @@ def _solution_json(estimate: Estimate) -> dict[str, Any]:
         "verdict": estimate.verdict.name,
         "gauge": estimate.gauge,
         "sources": [
-            {name: _plain(column[k]) for name, column in zip(names, columns, strict=True)}
-            for k in range(len(sources))
+            {name: _plain(column[k]) for name, column in zip(names, columns, strict=True)} for k in range(len(sources))
         ],
         "path": {
             "vertices_m": _plain(estimate.path.vertices_m),

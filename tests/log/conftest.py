@@ -35,9 +35,7 @@ def make_estimate(seed: int = 0, dimensions: int = 2, **changes: object) -> Esti
             np.array([-1.0, -0.0, np.nan]),
         ),
         path=Path(rng.normal(size=(legs + 1, d)) * 3, rng.normal(size=legs)),
-        medium=Medium(
-            diffusivity_m2_s=0.0939, activation_s=-1.0 / 3, ambient=None, static=True, dimensions=d
-        ),
+        medium=Medium(diffusivity_m2_s=0.0939, activation_s=-1.0 / 3, ambient=None, static=True, dimensions=d),
         verdict=Verdict.IDENTIFIED,
         reason="Every direction is seen: σ ≤ 0.1 √C.",
         spread_m=spread2**0.5,

@@ -20,8 +20,7 @@ def chunk_spans(path: Path) -> list[tuple[int, int, int]]:
         reader = make_reader(file)
         messages = Counter()
         spans = [
-            (c.chunk_start_offset, c.chunk_start_offset + c.chunk_length)
-            for c in reader.get_summary().chunk_indexes
+            (c.chunk_start_offset, c.chunk_start_offset + c.chunk_length) for c in reader.get_summary().chunk_indexes
         ]
     data = path.read_bytes()
     for start, end in spans:

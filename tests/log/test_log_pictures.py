@@ -92,9 +92,7 @@ def test_the_field_is_the_reconstructed_one(estimate):
     spread2 = before.spread_m**2
     expected = field(points[:, :2], spread2, before.sources.position_m, before.sources.amplitude)
     np.testing.assert_allclose(points[:, 3], expected, atol=1e-4)
-    cells = np.frombuffer(grid.data, dtype="<f4").reshape(64, grid.row_stride // 4)[
-        :, :: grid.cell_stride // 4
-    ]
+    cells = np.frombuffer(grid.data, dtype="<f4").reshape(64, grid.row_stride // 4)[:, :: grid.cell_stride // 4]
     np.testing.assert_array_equal(cells.ravel(), points[:, 3])
     x = grid.pose.position.x + grid.cell_size.x * (np.arange(64) + 0.5)
     np.testing.assert_allclose(points[:64, 0], x, rtol=1e-5, atol=1e-5)

@@ -39,9 +39,7 @@ def test_a_folder_that_is_missing_or_no_folder_is_named(tmp_path):
         Recorder(tmp_path / "file" / "flight.mcap")
 
 
-@pytest.mark.skipif(
-    not Path("/proc/version").exists(), reason="needs Linux's /proc as a folder nobody can write"
-)
+@pytest.mark.skipif(not Path("/proc/version").exists(), reason="needs Linux's /proc as a folder nobody can write")
 def test_a_read_only_folder_is_named():
     with pytest.raises(LogError, match=r"^/proc/flight\.mcap: cannot be created: "):
         Recorder(Path("/proc/flight.mcap"))
@@ -126,9 +124,7 @@ def test_an_error_on_its_way_out_is_not_hidden_by_the_log(tmp_path, monkeypatch)
     def leave() -> None:
         with Recorder(tmp_path / "flight.mcap") as recorder:
             recorder.reading(1, Reading(1, 2.0))
-            monkeypatch.setattr(
-                os, "fsync", lambda _: (_ for _ in ()).throw(OSError(5, "Input/output error"))
-            )
+            monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(5, "Input/output error")))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -103,9 +103,7 @@ def test_unknown_and_zero_are_kept_apart(medium, estimate):
 
 def test_an_estimate_without_sources_keeps_its_shapes(estimate):
     empty = estimate().sources
-    none = dataclasses.replace(
-        empty, position_m=np.zeros((0, 2)), amplitude=(), peak_reading=(), activation_s=()
-    )
+    none = dataclasses.replace(empty, position_m=np.zeros((0, 2)), amplitude=(), peak_reading=(), activation_s=())
     before = estimate(
         sources=none,
         position_covariance_m2=np.zeros((0, 2, 2)),

@@ -92,9 +92,7 @@ def test_what_is_written_is_synced_within_a_second(tmp_path, monkeypatch):
 def test_a_recorder_nobody_closed_is_finished_at_the_end(tmp_path):
     path = tmp_path / "flight.mcap"
     script = WRITER.replace("while True", "while i < 3")
-    subprocess.run(
-        [sys.executable, "-c", script, str(path), "0"], check=True, capture_output=True, timeout=30
-    )
+    subprocess.run([sys.executable, "-c", script, str(path), "0"], check=True, capture_output=True, timeout=30)
     log = read_log(path)
     assert log.complete
     assert len(log.readings) == 3

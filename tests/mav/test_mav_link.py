@@ -1,4 +1,3 @@
-# ruff: noqa: SIM117  one context a line reads better
 from __future__ import annotations
 
 import os
@@ -158,9 +157,7 @@ def test_wait_for_vehicle_passes_over_companions_and_stations() -> None:
     dialect = messages()
     with Link("udpin:127.0.0.1:0", system=9, component=1) as vehicle, connected(vehicle) as owner:
         for system, component, kind, autopilot in ((255, 190, 6, 8), (9, 191, 18, 8), (9, 1, 2, 3)):
-            raw = Encoder(system, component).pack(
-                dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 4, 3)
-            )
+            raw = Encoder(system, component).pack(dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 4, 3))
             vehicle._write(raw)
         assert wait_for_vehicle(owner, 2.0) == 9
         assert owner.autopilots == {9: (3, 2)}

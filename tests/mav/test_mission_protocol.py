@@ -250,9 +250,7 @@ def test_every_result_has_words() -> None:
 class Channel:
     """Runs one transfer against a vehicle in simulated time; `radio` decides every packet's fate."""
 
-    def __init__(
-        self, server: Server, radio: random.Random, loss: float, double: float, delay_s: float
-    ) -> None:
+    def __init__(self, server: Server, radio: random.Random, loss: float, double: float, delay_s: float) -> None:
         self.server, self.radio = server, radio
         self.loss, self.double, self.delay_s = loss, double, delay_s
         self.now_s = 0.0

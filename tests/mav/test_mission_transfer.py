@@ -1,4 +1,3 @@
-# ruff: noqa: SIM117  one context a line reads better
 from __future__ import annotations
 
 import threading
@@ -79,9 +78,7 @@ def test_a_refused_item_is_named_and_the_old_mission_stays(item: MissionItem, wo
     bad = Mission((*plan.items[:3], item, *plan.items[3:]), plan.home)
     with flying() as (url,), ground(url) as link:
         upload(link, 1, plan)
-        with pytest.raises(
-            MissionError, match=rf"refused item 3 \(NAV_\w+\): .*{words}|item 3.*{words}"
-        ) as caught:
+        with pytest.raises(MissionError, match=rf"refused item 3 \(NAV_\w+\): .*{words}|item 3.*{words}") as caught:
             upload(link, 1, bad)
         assert "\n" not in str(caught.value)
         assert first_difference(plan.items, download(link, 1).items) is None
@@ -205,9 +202,7 @@ def test_start_flies_and_a_mission_under_way_is_not_replaced() -> None:
 
 def test_start_without_a_mission_says_why() -> None:
     with flying() as (url,), ground(url) as link:
-        with pytest.raises(
-            MissionError, match='refused mode AUTO: denied: "mission mode refused: no mission"'
-        ):
+        with pytest.raises(MissionError, match='refused mode AUTO: denied: "mission mode refused: no mission"'):
             start(link, 1)
 
 

@@ -196,9 +196,7 @@ def test_a_slow_estimate_loses_no_frame(vehicle: Vehicle):
 
 def test_a_vehicle_that_disappears_is_one_line_and_the_legs_until_then_an_estimate(vehicle: Vehicle):
     flown = fly()
-    cut = next(
-        i for i, f in enumerate(flown.frames) if f.received_ns > (flown.corner_ms[3] + 500) * 1_000_000
-    )
+    cut = next(i for i, f in enumerate(flown.frames) if f.received_ns > (flown.corner_ms[3] + 500) * 1_000_000)
     onboard, log, _, raised = run(vehicle, flown.frames[:cut], lost_s=0.5)
     assert str(raised) == "vehicle 1 fell silent for 0.5 s, after 3 legs were flown"
     estimate, legs_flown, final = log.estimates[-1]
@@ -224,9 +222,7 @@ def test_a_closed_tcp_connection_is_a_vehicle_that_disappears():
     thread.start()
     with Link(f"tcp:127.0.0.1:{server.getsockname()[1]}", system=1, component=191) as link:
         onboard = Onboard(link, 1, LegCollector(PLAN), stand_in, Log())
-        with pytest.raises(
-            LinkError, match=r"closed the connection, after 1 leg was flown|after \d legs were flown"
-        ):
+        with pytest.raises(LinkError, match=r"closed the connection, after 1 leg was flown|after \d legs were flown"):
             onboard.run(threading.Event())
     thread.join()
     server.close()
@@ -237,9 +233,7 @@ def test_stop_ends_the_flight_with_an_estimate_of_what_there_is(vehicle: Vehicle
     flown = fly()
     stop = threading.Event()
     threading.Timer(1.0, stop.set).start()
-    cut = next(
-        i for i, f in enumerate(flown.frames) if f.received_ns > (flown.corner_ms[3] + 500) * 1_000_000
-    )
+    cut = next(i for i, f in enumerate(flown.frames) if f.received_ns > (flown.corner_ms[3] + 500) * 1_000_000)
     _, log, _, raised = run(vehicle, flown.frames[:cut], stop=stop, lost_s=60.0)
     assert raised is None
     assert log.estimates[-1][1:] == (3, True)
@@ -276,11 +270,7 @@ def test_a_silent_autopilot_is_asked_for_its_streams(vehicle: Vehicle):
     stop = threading.Event()
     threading.Timer(2.6, stop.set).start()
     run(vehicle, [heartbeat(1)], stop=stop)
-    asked = {
-        int(m.param1): m.param2
-        for m in vehicle.of("COMMAND_LONG")
-        if m.command == M.MAV_CMD_SET_MESSAGE_INTERVAL
-    }
+    asked = {int(m.param1): m.param2 for m in vehicle.of("COMMAND_LONG") if m.command == M.MAV_CMD_SET_MESSAGE_INTERVAL}
     assert asked[M.MAVLINK_MSG_ID_LOCAL_POSITION_NED] == 50_000
     assert M.MAVLINK_MSG_ID_MISSION_CURRENT in asked
     assert M.MAVLINK_MSG_ID_ATTITUDE not in asked

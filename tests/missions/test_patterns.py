@@ -81,12 +81,7 @@ def test_spiral_narrows_and_never_meets_itself():
     lengths, _, turns = legs_of(vertices)
     assert np.allclose(lengths, [40, 40, 30, 30, 20, 20, 10])
     assert np.allclose(turns, math.pi / 2)
-    gaps = [
-        np.linalg.norm(a - b)
-        for i, a in enumerate(vertices)
-        for j, b in enumerate(vertices)
-        if abs(i - j) > 1
-    ]
+    gaps = [np.linalg.norm(a - b) for i, a in enumerate(vertices) for j, b in enumerate(vertices) if abs(i - j) > 1]
     assert min(gaps) > 9.0
 
 

@@ -66,9 +66,7 @@ def test_real_files_survive_either_format(name, ending, tmp_path):
     again = read_plan(again_file).mission
     assert meanings(again) == meanings(with_home_item(mission))
     assert [meaning(i) for _, i in again.waypoints()] == [meaning(i) for _, i in mission.waypoints()]
-    assert np.allclose(
-        np.diff(leg_vertices(again), axis=0), np.diff(leg_vertices(mission), axis=0), atol=1e-3
-    )
+    assert np.allclose(np.diff(leg_vertices(again), axis=0), np.diff(leg_vertices(mission), axis=0), atol=1e-3)
     # From then on nothing changes at all.
     write_plan(tmp_path / f"third{ending}", again)
     assert (tmp_path / f"third{ending}").read_bytes() == again_file.read_bytes()
@@ -197,9 +195,7 @@ def qgroundcontrol_refuses(text: str) -> str | None:  # noqa: PLR0911
     if mission["version"] != 2 or len(mission["plannedHomePosition"]) != 3:
         return "mission"
     for item in mission["items"]:
-        fits = (
-            item["type"] == "SimpleItem" and len(item["params"]) == 7 and type(item["autoContinue"]) is bool
-        )
+        fits = item["type"] == "SimpleItem" and len(item["params"]) == 7 and type(item["autoContinue"]) is bool
         fits &= all(type(item[key]) is int for key in ("frame", "command", "doJumpId"))
         fits &= all(isinstance(p, int | float) or (p is None and j < 4) for j, p in enumerate(item["params"]))
         if not fits or len({"AltitudeMode", "Altitude", "AMSLAltAboveTerrain"} & set(item)) not in (0, 3):
@@ -286,9 +282,7 @@ def test_mavsdk_imports_what_we_write(source, mavsdk_importers):
         pytest.skip(f"recorded missions are not here: {REAL}")
     mission = with_home_item(star7_mission() if source == "ours" else read_plan(REAL / source).mission)
     # For ArduPilot, MAVSDK puts a plan's home before its items; for PX4 it takes a text file's lines as is.
-    plan = mavsdk_importers["ardupilot"].import_qgroundcontrol_mission_from_string(
-        plan_bytes(mission).decode()
-    )
+    plan = mavsdk_importers["ardupilot"].import_qgroundcontrol_mission_from_string(plan_bytes(mission).decode())
     assert mavsdk_meanings(plan.mission_items) == our_meanings(mission)
     text = plan_bytes(mission, ".waypoints").decode()
     lines = mavsdk_importers["px4"].import_mission_planner_mission_from_string(text)

@@ -117,9 +117,7 @@ def test_an_item_inside_a_survey_is_found():
         "TransectStyleComplexItem": {"Items": [PLAN["mission"]["items"][2], inner]},
     }
     message = refusal(edited(ITEM, survey))
-    assert message.startswith(
-        "mission.items[2].TransectStyleComplexItem.Items[1].params[4] 99: expected a lat"
-    )
+    assert message.startswith("mission.items[2].TransectStyleComplexItem.Items[1].params[4] 99: expected a lat")
 
 
 def test_a_jump_to_nowhere():
@@ -257,9 +255,7 @@ def test_missing_files_and_folders_are_named(tmp_path):
 
 
 def test_an_unknown_ending_and_an_empty_mission_leave_no_file(tmp_path):
-    with pytest.raises(
-        BadInputError, match=r"star\.kml: ending '\.kml': expected \.plan, \.waypoints, \.txt"
-    ):
+    with pytest.raises(BadInputError, match=r"star\.kml: ending '\.kml': expected \.plan, \.waypoints, \.txt"):
         write_plan(tmp_path / "star.kml", MISSION)
     with pytest.raises(BadInputError, match=r"empty\.plan: the mission is empty"):
         write_plan(tmp_path / "empty.plan", Mission(()))

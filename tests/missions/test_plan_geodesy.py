@@ -98,9 +98,7 @@ def test_the_legs_of_a_mission_are_those_of_its_pattern(home, name, leg_m):
 
 
 def test_layout_is_home_takeoff_speed_every_vertex_land():
-    mission = plan_mission(
-        pattern("star5", 40.0), ZURICH, Profile(altitude_m=12.0, speed_m_s=3.5, hold_s=2.0)
-    )
+    mission = plan_mission(pattern("star5", 40.0), ZURICH, Profile(altitude_m=12.0, speed_m_s=3.5, hold_s=2.0))
     commands = [i.command for i in mission.items]
     assert commands == [CMD_WAYPOINT, CMD_TAKEOFF, CMD_CHANGE_SPEED, *[CMD_WAYPOINT] * 6, CMD_LAND]
     home, take_off, speed, first = mission.items[:4]

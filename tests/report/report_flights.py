@@ -30,9 +30,7 @@ def star_flight(truth, readings=64, noise_sd=0.25, rng=None):
     share = np.arange(readings) / readings
     legs, clean = [], []
     for j, (a, b) in enumerate(zip(truth.vertices_m[:-1], truth.vertices_m[1:], strict=True)):
-        values = AMBIENT + field(
-            a + share[:, None] * (b - a), SPREAD_M**2, truth.source_position_m, truth.amplitude
-        )
+        values = AMBIENT + field(a + share[:, None] * (b - a), SPREAD_M**2, truth.source_position_m, truth.amplitude)
         clean.append(values)
         noisy = values + rng.normal(0.0, noise_sd, readings)
         legs.append(Leg(LEG_M, share * LEG_M, 20.0 * (j + share), noisy))
@@ -107,9 +105,7 @@ def without_positions(estimate, verdict, reason):
             amplitude=np.full(len(nothing), np.nan),
             peak_reading=np.full(len(nothing), np.nan),
         ),
-        path=Path(
-            np.full_like(estimate.path.vertices_m, np.nan), np.full_like(estimate.path.heading_rad, np.nan)
-        ),
+        path=Path(np.full_like(estimate.path.vertices_m, np.nan), np.full_like(estimate.path.heading_rad, np.nan)),
         position_covariance_m2=np.full_like(estimate.position_covariance_m2, np.nan),
         path_aligned_covariance_m2=np.full_like(estimate.path_aligned_covariance_m2, np.nan),
         verdict=verdict,

@@ -244,9 +244,7 @@ def test_colours_darken_evenly_so_that_order_survives_without_hue():
 
 def test_odd_shapes_are_drawn(case):
     truth, flight, estimate = case
-    huge = replace(
-        estimate, position_covariance_m2=np.full((3, 2, 2), np.nan), gauge="anchored", verdict=Verdict(3)
-    )
+    huge = replace(estimate, position_covariance_m2=np.full((3, 2, 2), np.nan), gauge="anchored", verdict=Verdict(3))
     assert "north of home" in page_of((truth, flight, huge))
     vague = replace(estimate, position_covariance_m2=np.stack([np.eye(2) * 1e6] * 3))
     page_of((truth, flight, vague))
@@ -286,9 +284,7 @@ async function look(page, width) {
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine to open the page in")
 def test_opens_in_a_browser_without_sideways_scrolling(case, tmp_path):
     _, _, estimate = case
-    known = page_of(
-        case, title="A_very_long_title_without_any_space_" * 4, facts={"Log": "/a/long/path" * 12}
-    )
+    known = page_of(case, title="A_very_long_title_without_any_space_" * 4, facts={"Log": "/a/long/path" * 12})
     unknown = page_of(case, estimate=without_positions(estimate, Verdict.NOT_CONVERGED, "No."))
     probe = tmp_path / "probe.html"
     probe.write_text(PROBE % json.dumps([known, unknown]).replace("</", "<\\/"), encoding="utf-8")

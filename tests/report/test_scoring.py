@@ -106,9 +106,9 @@ def exact_two_legs(truth):
 
 
 def test_paper_lines_is_infinite_where_only_truth_meets_home():
-    assert scoring.paper_line_error(
-        np.array([[-1.0, 0.1], [1.0, 0.1]]), np.array([[-1.0, 0.0], [1.0, 0.0]])
-    ) == float("inf")
+    assert scoring.paper_line_error(np.array([[-1.0, 0.1], [1.0, 0.1]]), np.array([[-1.0, 0.0], [1.0, 0.0]])) == float(
+        "inf"
+    )
     both = scoring.paper_line_error(np.array([[0.0, 0.0], [0.0, 2.0]]), np.array([[0.0, 0.0], [2.0, 0.0]]))
     assert both == pytest.approx(np.sqrt(2.0)), "both start at home: a constant quotient"
 

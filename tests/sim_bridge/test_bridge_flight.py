@@ -42,9 +42,7 @@ def vehicle_on(**options: float) -> Iterator[str]:
 
 def flown(scene: Scene, seed: int) -> tuple[np.ndarray, np.ndarray, Bridge, np.ndarray]:
     """(times ms, values, the bridge, vertices) of the scene's own path flown over loopback."""
-    mission = plan_mission(
-        scene.vertices(), DEFAULT_HOME, Profile(speed_m_s=scene.sampling.speed_m_s, hold_s=0.0)
-    )
+    mission = plan_mission(scene.vertices(), DEFAULT_HOME, Profile(speed_m_s=scene.sampling.speed_m_s, hold_s=0.0))
     plan = leg_plan(mission)
     with vehicle_on(speedup=30.0) as url:
         ground = Link(url, system=SYSTEM_GROUND, component=COMPONENT_GROUND)

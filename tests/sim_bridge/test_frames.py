@@ -20,9 +20,7 @@ recorded = pytest.mark.skipif(not DATA.is_dir(), reason="needs the recordings in
 PIXELS = (96, 120)
 
 
-def gaussian(
-    column: float, row: float, spread: float, peak: float = 0.6, ambient: float = 0.02
-) -> np.ndarray:
+def gaussian(column: float, row: float, spread: float, peak: float = 0.6, ambient: float = 0.02) -> np.ndarray:
     rows, columns = np.mgrid[: PIXELS[0], : PIXELS[1]].astype(float)
     return ambient + peak * np.exp(-((columns - column) ** 2 + (rows - row) ** 2) / spread**2)
 
@@ -91,9 +89,7 @@ def test_outside_the_image_is_ambient_and_a_flight_there_is_refused_beforehand()
     np.testing.assert_allclose(flown.read(np.zeros(2), far), 2 * 0.02, atol=1e-3)
     assert flown.outside_share(np.array([[0.0, 0.0], [0.0, 400.0]])) == 0.5
     flown.check_inside([[-20.0, 0.0], [20.0, 10.0]])
-    with pytest.raises(
-        BadInputError, match=r"spot.npz: copy 1: vertex 1 at \[61.0, 0.0\] m is -2.0 m inside"
-    ):
+    with pytest.raises(BadInputError, match=r"spot.npz: copy 1: vertex 1 at \[61.0, 0.0\] m is -2.0 m inside"):
         flown.check_inside([[-20.0, 0.0], [61.0, 0.0]])
     with pytest.raises(BadInputError, match="expected at least 40 m"):
         flown.check_inside([[-20.0, 0.0], [20.0, 10.0]], margin_m=40.0)
@@ -119,9 +115,7 @@ def test_a_stack_reads_back_and_a_wrong_one_is_told(tmp_path: Path) -> None:
     assert "frames: expected (T, H, W)" in told(frames=frames[0], time_s=[0.0], pixel_m=1.0)
     assert "time_s: expected 1 increasing times" in told(frames=frames, time_s=[0.0, 1.0], pixel_m=1.0)
     assert "pixel_m: expected one number" in told(frames=frames, time_s=[0.0], pixel_m=[1.0, 2.0])
-    assert "frames[0, 0, 0]: expected finite" in told(
-        frames=np.full((1, 8, 8), np.nan), time_s=[0.0], pixel_m=1.0
-    )
+    assert "frames[0, 0, 0]: expected finite" in told(frames=np.full((1, 8, 8), np.nan), time_s=[0.0], pixel_m=1.0)
     path.write_bytes(b"no zip at all")
     with pytest.raises(BadInputError, match=r"spot\.npz: expected a \.npz file"):
         FrameStack.read(path)

@@ -163,9 +163,7 @@ def test_the_readings_of_a_real_copters_flight() -> None:
 
 @recorded
 def test_a_gas_sensors_flight_with_its_places() -> None:
-    series = read_csv(
-        FLIGHTS / "nano_drone_gas_A_1.csv", "time_s=Time*0.001,value=Gas1L*-1,east_m=X,north_m=Y"
-    )
+    series = read_csv(FLIGHTS / "nano_drone_gas_A_1.csv", "time_s=Time*0.001,value=Gas1L*-1,east_m=X,north_m=Y")
     assert series.place_m is not None
     assert np.diff(series.time_s).mean() == pytest.approx(0.1, rel=0.1)
     assert series.value[0] == -18996.0

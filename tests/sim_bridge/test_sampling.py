@@ -73,11 +73,7 @@ def test_uniform_in_distance_from_every_corner(spacing_m: float, speed_m_s: floa
         np.testing.assert_allclose(leg[0], [*a, 1.0])
         s = np.linalg.norm(leg[:, :2] - a, axis=1)
         np.testing.assert_allclose(s, spacing_m * np.arange(len(s)), atol=tolerance_m)
-        assert (
-            math.ceil((length - tolerance_m) / spacing_m)
-            <= len(s)
-            <= math.ceil((length + tolerance_m) / spacing_m)
-        )
+        assert math.ceil((length - tolerance_m) / spacing_m) <= len(s) <= math.ceil((length + tolerance_m) / spacing_m)
         begin_ms, read = end_ms, read + len(s)
     assert read == len(times)
     assert sampler.skipped == 0
@@ -156,9 +152,7 @@ def test_a_faster_vehicle_than_milliseconds_allow_is_refused_or_counted() -> Non
     Sampling(spacing_m=0.005).check(5.0)
     with pytest.raises(BadInputError) as caught:
         Sampling(spacing_m=0.004).check(5.0)
-    assert str(caught.value) == (
-        "spacing_m 0.004: expected 0.005 or more at 5 m/s, times on the wire are whole ms"
-    )
+    assert str(caught.value) == ("spacing_m 0.004: expected 0.005 or more at 5 m/s, times on the wire are whole ms")
     with pytest.raises(BadInputError, match=r"interval_s 0\.0004: expected 0\.001 or more"):
         Sampling(interval_s=0.0004)
     sampler = Sampler(Sampling(spacing_m=0.004), SEQS)

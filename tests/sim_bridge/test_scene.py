@@ -116,9 +116,7 @@ def test_the_snr_asked_for_is_realised(snr_db: float, ambient: float, seed: int)
     parts = {"sampling__spacing_m": 0.001, "medium__ambient": ambient}
     clean_scene, scene = scene_of(noise={}, **parts), scene_of(noise={"snr_db": snr_db}, **parts)
     vertices = scene.vertices()
-    clean = np.concatenate(
-        [g.reading for g in simulate(clean_scene, vertices, np.random.default_rng(0)).legs]
-    )
+    clean = np.concatenate([g.reading for g in simulate(clean_scene, vertices, np.random.default_rng(0)).legs])
     noisy = np.concatenate([g.reading for g in simulate(scene, vertices, np.random.default_rng(seed)).legs])
     realised = 10.0 * math.log10(np.mean((clean - ambient) ** 2) / np.mean((noisy - clean) ** 2))
     assert realised == pytest.approx(snr_db, abs=0.5)  # 4000 readings: 5 sd of the sample variance
@@ -184,9 +182,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("parts", "said"), BAD, ids=[said[:40] for _, said in BAD])
-def test_a_wrong_scene_is_told_by_file_field_and_value(
-    parts: dict[str, Any], said: str, tmp_path: Path
-) -> None:
+def test_a_wrong_scene_is_told_by_file_field_and_value(parts: dict[str, Any], said: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(changed(**parts)))
     with pytest.raises(BadInputError) as caught:

@@ -83,9 +83,7 @@ def test_every_waypoint_is_reached_in_order_and_exactly(flights: list[list[objec
 
 def test_current_names_the_waypoint_flown_to_right_after_reached(flights: list[list[object]]) -> None:
     progress = [m for m in flights[0] if m.get_type() in ("MISSION_ITEM_REACHED", "MISSION_CURRENT")]
-    after = [
-        (a.seq, b.get_type(), b.seq) for a, b in pairwise(progress) if a.get_type() == "MISSION_ITEM_REACHED"
-    ]
+    after = [(a.seq, b.get_type(), b.seq) for a, b in pairwise(progress) if a.get_type() == "MISSION_ITEM_REACHED"]
     assert after[0] == (0, "MISSION_CURRENT", 2)  # the speed item between is no waypoint
     assert after[1:] == [(seq, "MISSION_CURRENT", seq + 1) for seq in range(2, 10)]
 
@@ -123,16 +121,11 @@ def test_two_flights_are_the_same_bit_for_bit(flights: list[list[object]]) -> No
     assert n > 1000
     assert np.array_equal(one[:n], two[:n])
     begun = [
-        next(m.time_boot_ms for m in heard if m.get_type() == "LOCAL_POSITION_NED" and m.z < 0)
-        for heard in flights
+        next(m.time_boot_ms for m in heard if m.get_type() == "LOCAL_POSITION_NED" and m.z < 0) for heard in flights
     ]
     assert begun[0] % 1000 == begun[1] % 1000
     yaws = [
-        [
-            (m.time_boot_ms - zero, m.yaw)
-            for m in heard
-            if m.get_type() == "ATTITUDE" and m.time_boot_ms > zero
-        ]
+        [(m.time_boot_ms - zero, m.yaw) for m in heard if m.get_type() == "ATTITUDE" and m.time_boot_ms > zero]
         for heard, zero in zip(flights, begun, strict=True)
     ]
     n = min(map(len, yaws))

@@ -1,4 +1,3 @@
-# ruff: noqa: SIM117  one context a line reads better
 from __future__ import annotations
 
 import time

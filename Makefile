@@ -1,0 +1,53 @@
+# make fly    install into .venv, fly the demonstration missions, leave logs/<UTC>/flight.mcap and report.html
+# make test   everything a change must pass: lint, types, all tests in parallel
+# make bench  accuracy and speed tables (minutes)
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RECORDING := ../shared/data/spot_bilayer_a.npz
+WORKERS ?= auto
+
+.PHONY: fly test lint bench schemas clean
+
+fly: $(VENV)/installed
+	$(BIN)/dslam-mav fly --sources 3 --ambient auto
+	@echo
+	@if [ -f $(RECORDING) ]; then $(BIN)/dslam-mav fly --readings $(RECORDING) --sources 2; \
+	else echo "second flight, over recorded diffusion: skipped, $(RECORDING) is missing"; fi
+
+test: $(VENV)/installed-dev lint
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+lint: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/installed-dev
+	$(BIN)/python -m tests.bench
+
+# The generated schemas are kept in the repository; this makes them anew, with a compiler whose code every allowed
+# protobuf runtime accepts, in an environment of its own.
+schemas:
+	$(PYTHON) -m venv build/protoc
+	build/protoc/bin/python -m pip install --quiet 'grpcio-tools==1.74.*'
+	build/protoc/bin/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. dslam_mav/log/schemas/flight.proto
+	sed -i '1i # mypy: disable-error-code="type-arg"' dslam_mav/log/schemas/flight_pb2.pyi
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	{ echo "dslam_mav needs Python 3.11 or newer, $(PYTHON) is $$($(PYTHON) --version): make PYTHON=python3.12 ..."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# The kernels are compiled here once, so that the first flight need not wait for them.
+$(VENV)/installed: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -c 'from dslam_mav.dslam.warm import warm_up; warm_up()'
+	@touch $@
+
+$(VENV)/installed-dev: pyproject.toml $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
