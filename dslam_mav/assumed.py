@@ -21,16 +21,22 @@ def estimator(assumptions: Assumptions, collector: LegCollector, mission: Missio
 
     With `heading` "none" it sees nothing but the flight. "vehicle" adds the legs' mean compass headings from the
     collector, "plan" the planned directions; the answer is then anchored, at the plan's first vertex where one is
-    known.
+    known. BadInputError: assumptions that contradict each other or the flight.
     """
-    medium = assumptions.medium()
+    try:
+        medium = assumptions.medium()
+    except ValueError as problem:
+        raise BadInputError(f"assumptions: {problem}") from None
 
     def run(flight: Flight) -> Estimate:
         flown = replace(flight, closed=assumptions.closed)
         prior = None
         if assumptions.heading != "none":
             prior = (_headings(assumptions, collector, mission, len(flight.legs)), assumptions.heading_sd_rad)
-        result = estimate(flown, medium, assumptions.n_sources, heading_prior=prior, seed=assumptions.seed)
+        try:
+            result = estimate(flown, medium, assumptions.n_sources, heading_prior=prior, seed=assumptions.seed)
+        except ValueError as problem:
+            raise BadInputError(f"assumptions: {problem}") from None
         if prior is None or mission is None:
             return result
         return _moved(result, leg_plan(mission).vertices_m[0])

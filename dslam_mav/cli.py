@@ -3,23 +3,39 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import io
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import version
+from types import FrameType
 from typing import NoReturn
 
+from dslam_mav.commands import options as shared
+from dslam_mav.commands.options import COUNT, NOT_NEGATIVE, POSITIVE, SEED
 from dslam_mav.errors import BadInputError, DslamError
 
 BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130
+TERMINATED = 143
 
-_CONNECT_HELP = "udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD"
+_EXIT_CODES = "exit codes: 0 done, 1 failed while running, 2 bad usage or input, 130 Ctrl-C, 143 SIGTERM (log closed)"
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM: ends a command as Ctrl-C does, with the log closed."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Bad usage is one line on standard error; the help stays behind --help."""
+    """Bad usage is one line on standard error; the help stays behind --help. Options are not abbreviated."""
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**{"allow_abbrev": False, **settings})  # type: ignore[arg-type]
 
     def error(self, message: str) -> NoReturn:
         raise BadInputError(f"{self.prog}: {message} (see {self.prog} --help)")
@@ -27,16 +43,24 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without √ is no reason to lose a result
     try:
-        options = _parser().parse_args(arguments)
-        module, function = options.run
-        command: Callable[[argparse.Namespace], int] = getattr(
-            importlib.import_module(f"dslam_mav.commands.{module}"), function
-        )
-        return command(options)
+        with _sigterm_raises():
+            options = _parser().parse_args(arguments)
+            module, function = options.run
+            command: Callable[[argparse.Namespace], int] = getattr(
+                importlib.import_module(f"dslam_mav.commands.{module}"), function
+            )
+            return command(options)
     except DslamError as problem:
-        sys.stderr.write(f"dslam-mav: {problem}\n")
+        text = str(problem)
+        sys.stderr.write(text + "\n" if text.startswith("dslam-mav ") else f"dslam-mav: {text}\n")
         return BAD_INPUT if isinstance(problem, BadInputError) else FAILED
+    except _Terminated:
+        sys.stderr.write("dslam-mav: terminated\n")
+        return TERMINATED
     except KeyboardInterrupt:
         sys.stderr.write("dslam-mav: interrupted\n")
         return INTERRUPTED
@@ -45,11 +69,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
 
 
+@contextlib.contextmanager
+def _sigterm_raises() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may set handlers
+        return
+
+    def handler(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - what signal demands
+        raise _Terminated
+
+    before = signal.signal(signal.SIGTERM, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="dslam-mav",
         description="Find the sources of a diffusing field, and the drone's own path, from one scalar sensor.",
+        epilog=f"example: dslam-mav fly --sources 3 --ambient auto\n\n{_EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
     for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info):
         add(commands)
@@ -74,115 +117,47 @@ def _add(
     return parser
 
 
-def _number(kind: type[float] | type[int], least: float, what: str, *, above: bool = False) -> Callable[[str], float]:
-    """A number with a lower limit, for argparse; a failure names what was expected."""
-
-    def parse(text: str) -> float:
-        try:
-            value = kind(text)
-        except ValueError:
-            value = float("nan")
-        if not (least < value if above else least <= value) or value == float("inf"):
-            raise argparse.ArgumentTypeError(f"{text!r}: expected {what}")
-        return value
-
-    return parse
-
-
-_POSITIVE = _number(float, 0.0, "a positive number", above=True)
-_NOT_NEGATIVE = _number(float, 0.0, "0 or more")
-_ANY = _number(float, -1e300, "a number")
-_COUNT = _number(int, 1, "a whole number, 1 or more")
-_SEED = _number(int, 0, "a whole number, 0 or more")
-
-
-def _or_auto(parse: Callable[[str], float]) -> Callable[[str], float | str]:
-    return lambda text: "auto" if text == "auto" else parse(text)
-
-
-def _assumptions(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("assumptions (what is not given is estimated)")
-    group.add_argument("--sources", metavar="N|auto", type=_or_auto(_COUNT), help="number of sources (default: auto)")
-    group.add_argument("--spread", metavar="M", type=_POSITIVE, help="√C of a static field, for μ and τ")
-    group.add_argument("--diffusivity", metavar="M2_S", type=_POSITIVE, help="μ of the medium")
-    group.add_argument("--activation", metavar="S", type=_ANY, help="τ, seconds from the start of the first leg")
-    group.add_argument("--ambient", metavar="VALUE|auto", type=_or_auto(_ANY), help="ambient level (default: auto)")
-    moving = group.add_mutually_exclusive_group()
-    moving.add_argument("--static", action="store_true", help="the field stands still during the flight (default)")
-    moving.add_argument("--evolving", action="store_true", help="it spreads during the flight: C = 4μ(t − τ)")
-    group.add_argument("--dimensions", type=int, choices=(2,), help="2: sources and path in one plane")
-    group.add_argument("--heading", choices=("none", "vehicle", "plan"), help="headings it may see (default: none)")
-    group.add_argument("--heading-sd", metavar="DEG", type=_POSITIVE, help="how far they are trusted (default: 5)")
-    group.add_argument(
-        "--distance", choices=("odometry", "speed", "plan"), help="along a leg (default: the first the vehicle offers)"
-    )
-    group.add_argument("--closed", action="store_true", help="the path ends where it began")
-    group.add_argument("--method", choices=("joint",), help="joint: one fit over all readings")
-    group.add_argument("--seed", metavar="N", type=_SEED, help="of the search, the noise and the vehicle")
-
-
-def _source_of_readings(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("readings")
-    group.add_argument("--scene", metavar="FILE", help="synthetic readings from a scene (JSON)")
-    group.add_argument("--readings", metavar="FILE", help="logged readings: .csv, .mcap, .tlog, or .npz frames")
-    group.add_argument(
-        "--columns",
-        metavar="LIST",
-        help="FIELD=NAME[*FACTOR],… with FIELD time_s, value, east_m or north_m: a CSV's columns (default "
-        "time_s,value), or a tlog's message field, e.g. value=SCALED_PRESSURE2.temperature*0.01",
-    )
-    group.add_argument("--frames", metavar="N|A:B", help="of a .npz: the frame held, or the film run (default: 2)")
-    group.add_argument("--copies", metavar="K", type=_COUNT, help="of a .npz: shifted copies added (default: 2)")
-
-
-def _vehicle_options(parser: argparse.ArgumentParser, *, required: bool) -> None:
-    parser.add_argument("--connect", metavar="URL", required=required, help=_CONNECT_HELP)
-    parser.add_argument(
-        "--timeout", metavar="S", type=_POSITIVE, default=10.0, help="how long to wait for it (default: 10)"
-    )
-
-
 def _plan(commands: Commands[_Parser]) -> None:
     parser = _add(
         commands, "plan", "make a mission, or look at one somebody drew",
         "--pattern star7 --leg 32 --home 47.3977,8.5456,488 -o star.plan", ("plan", "run"),
     )  # fmt: skip
     parser.add_argument("plan", nargs="?", metavar="FILE", help="a .plan or .waypoints to look at")
-    parser.add_argument("--pattern", default="star7", help="star7, star5, triangle, square, lawnmower, spiral, random")
-    parser.add_argument("--leg", metavar="M", type=_POSITIVE, default=32.0, help="leg length (default: 32)")
-    parser.add_argument("--legs", metavar="N", type=_COUNT, help="number of legs (default: the pattern's own)")
-    parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it is flown, degrees and metres")
-    parser.add_argument(
-        "--centre", metavar="E,N", help="middle of the pattern in metres from home (default: begins there)"
-    )
-    parser.add_argument("--first-heading", metavar="DEG", type=_ANY, default=0.0, help="counter-clockwise from east")
-    parser.add_argument("--altitude", metavar="M", type=_POSITIVE, default=20.0, help="above home (default: 20)")
-    parser.add_argument("--speed", metavar="M_S", type=_POSITIVE, default=5.0, help="(default: 5)")
-    parser.add_argument("--hold", metavar="S", type=_NOT_NEGATIVE, default=0.0, help="wait at each corner (default: 0)")
-    parser.add_argument("--seed", metavar="N", type=_SEED, help="of the pattern random")
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="write it: .plan (QGroundControl) or .waypoints (WPL 110)"
     )
+    made = parser.add_argument_group("a new mission")  # defaults in commands.plan: with FILE none may be given
+    made.add_argument("--pattern", help="star7 (default), star5, triangle, square, lawnmower, spiral or random")
+    made.add_argument("--leg", metavar="M", type=POSITIVE, help="leg length (default: 32)")
+    made.add_argument("--legs", metavar="N", type=COUNT, help="number of legs (default: the pattern's own)")
+    made.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it is flown, degrees and metres")
+    made.add_argument("--centre", metavar="E,N", help="middle of it in metres from home (default: begins there)")
+    made.add_argument("--first-heading", metavar="DEG", type=shared.ANY, help="counter-clockwise from east (default 0)")
+    made.add_argument("--altitude", metavar="M", type=POSITIVE, help="above home (default: 20)")
+    made.add_argument("--speed", metavar="M_S", type=POSITIVE, help="(default: 5)")
+    made.add_argument("--hold", metavar="S", type=NOT_NEGATIVE, help="wait at each corner (default: 0)")
+    made.add_argument("--seed", metavar="N", type=SEED, help="of the pattern random (default: 0)")
 
 
 def _transfer(commands: Commands[_Parser]) -> None:
     upload = _add(
         commands, "upload", "send a mission to a vehicle, read it back and compare",
-        "star.plan --connect udpout:127.0.0.1:14550", ("transfer", "run_upload"),
+        "star.plan --connect udpout:127.0.0.1:14550 --start", ("transfer", "run_upload"),
     )  # fmt: skip
     upload.add_argument("plan", metavar="PLAN", help=".plan or .waypoints")
-    _vehicle_options(upload, required=True)
+    upload.add_argument("--start", action="store_true", help="then arm the vehicle and start the mission")
+    shared.vehicle_link(upload)
     download = _add(
         commands, "download", "fetch a vehicle's mission",
         "--connect udpout:127.0.0.1:14550 -o held.plan", ("transfer", "run_download"),
     )  # fmt: skip
     download.add_argument("-o", "--output", metavar="FILE", required=True, help=".plan or .waypoints")
-    _vehicle_options(download, required=True)
+    shared.vehicle_link(download)
     clear = _add(
         commands, "clear", "make a vehicle forget its mission",
         "--connect udpout:127.0.0.1:14550", ("transfer", "run_clear"),
     )  # fmt: skip
-    _vehicle_options(clear, required=True)
+    shared.vehicle_link(clear)
 
 
 def _vehicle(commands: Commands[_Parser]) -> None:
@@ -193,13 +168,11 @@ def _vehicle(commands: Commands[_Parser]) -> None:
     parser.add_argument(
         "--listen", metavar="URL", action="append", help="udpin:HOST:PORT or tcpin:HOST:PORT, repeatable"
     )
-    parser.add_argument("--speedup", metavar="X", type=_POSITIVE, default=1.0, help="times real time (default: 1)")
-    parser.add_argument("--system", metavar="ID", type=_COUNT, default=1, help="MAVLink system id (default: 1)")
+    parser.add_argument("--speedup", metavar="X", type=POSITIVE, default=1.0, help="times real time (default: 1)")
+    parser.add_argument("--system", metavar="ID", type=COUNT, default=1, help="MAVLink system id (default: 1)")
     parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it stands, degrees and metres")
-    parser.add_argument(
-        "--cruise-speed", metavar="M_S", type=_POSITIVE, default=5.0, help="unless the mission says (5)"
-    )
-    parser.add_argument("--seed", metavar="N", type=_SEED, help="repeats a flight exactly")
+    parser.add_argument("--cruise-speed", metavar="M_S", type=POSITIVE, default=5.0, help="unless the mission says (5)")
+    parser.add_argument("--seed", metavar="N", type=SEED, help="repeats a flight exactly")
 
 
 def _bridge(commands: Commands[_Parser]) -> None:
@@ -208,10 +181,10 @@ def _bridge(commands: Commands[_Parser]) -> None:
         "--scene scene.json --connect udpout:127.0.0.1:14550", ("bridge", "run"),
     )  # fmt: skip
     parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: asked of the vehicle)")
-    _source_of_readings(parser)
-    parser.add_argument("--sources", type=_COUNT, help=argparse.SUPPRESS)
-    parser.add_argument("--seed", metavar="N", type=_SEED, help="of the noise (default: the scene's)")
-    _vehicle_options(parser, required=True)
+    shared.source_of_readings(parser)
+    parser.set_defaults(sources=None)
+    parser.add_argument("--seed", metavar="N", type=SEED, help="of the noise (default: the scene's)")
+    shared.vehicle_link(parser)
 
 
 def _onboard(commands: Commands[_Parser]) -> None:
@@ -221,8 +194,8 @@ def _onboard(commands: Commands[_Parser]) -> None:
     )  # fmt: skip
     parser.add_argument("--out", metavar="FILE", required=True, help="the log to write (.mcap)")
     parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: asked of the vehicle)")
-    _assumptions(parser)
-    _vehicle_options(parser, required=True)
+    shared.assumptions(parser)
+    shared.vehicle_link(parser)
 
 
 def _fly(commands: Commands[_Parser]) -> None:
@@ -231,11 +204,15 @@ def _fly(commands: Commands[_Parser]) -> None:
         "star.plan --scene scene.json --sources 3", ("fly", "run"),
     )  # fmt: skip
     parser.add_argument("plan", nargs="?", metavar="PLAN", help="(default: the path of the scene)")
-    _source_of_readings(parser)
-    _assumptions(parser)
-    parser.add_argument("--connect", metavar="URL", help=f"(default: a loopback vehicle of its own) {_CONNECT_HELP}")
+    shared.source_of_readings(parser)
+    shared.assumptions(parser)
+    shared.vehicle_link(
+        parser, required=False, help_text="udpout:HOST:PORT or tcp:HOST:PORT (default: a loopback vehicle of its own)"
+    )
     parser.add_argument("--out", metavar="DIR", default="logs", help="parent of the flight's folder (default: logs)")
-    parser.add_argument("--speedup", metavar="X", type=_POSITIVE, default=10.0, help="of the loopback vehicle (10)")
+    parser.add_argument(
+        "--speedup", metavar="X", type=POSITIVE, default=10.0, help="of the loopback vehicle (default: 10)"
+    )
 
 
 def _replay(commands: Commands[_Parser]) -> None:
@@ -245,7 +222,7 @@ def _replay(commands: Commands[_Parser]) -> None:
     parser.add_argument("log", metavar="LOG", help=".mcap or .tlog")
     parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: the log's)")
     parser.add_argument("--report", metavar="FILE", help="write the page too")
-    _assumptions(parser)
+    shared.assumptions(parser)
 
 
 def _report(commands: Commands[_Parser]) -> None:
@@ -254,7 +231,7 @@ def _report(commands: Commands[_Parser]) -> None:
     )
     parser.add_argument("logs", nargs="+", metavar="LOG", help=".mcap or .tlog")
     parser.add_argument("-o", "--output", metavar="FILE", help="(default: beside the log)")
-    _assumptions(parser)
+    shared.assumptions(parser)
 
 
 def _info(commands: Commands[_Parser]) -> None:

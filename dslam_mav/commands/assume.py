@@ -42,6 +42,10 @@ def assumptions_from(
         given["static"] = False
     elif options.static or options.spread is not None:
         given["static"] = True
+    if options.activation is not None and not options.activation < 0.0:
+        raise BadInputError(f"--activation {options.activation:g}: expected a time before the flight, below 0")
+    if options.evolving and options.spread is None:
+        given["spread_m"] = None  # what a log was recorded with holds for a static field only
     if options.spread is not None and options.evolving:
         raise BadInputError(
             "--spread with --evolving: only a static field has one spread; give --diffusivity and --activation"

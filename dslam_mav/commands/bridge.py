@@ -32,7 +32,6 @@ def run(options: Namespace) -> int:
         where = options.plan or f"vehicle {system}'s mission"
         raise BadInputError(f"{where}: {len(legs.sequence)} waypoints: expected 2 or more, to read between")
     readings = open_readings(options, legs.vertices_m, None)
-    readings.sampling.check(readings.speed_m_s)
     for note in readings.notes:
         screen.say(note)
     with Link(options.connect, system=system, component=COMPONENT_BRIDGE) as link:
@@ -46,10 +45,13 @@ def run(options: Namespace) -> int:
             rng=readings.rng,
         )
         screen.say(f"reading {readings.name} along {len(legs.lengths_m)} legs of vehicle {system}")
-        with background(bridge.run, "bridge") as worker:
+        with background(bridge.run, "bridge") as worker, screen.progress("reading") as advance:
             while worker.running:
                 worker.join(0.2)
+                advance("reading", 0, None, f"{bridge.sent} readings sent")
             worker.check()
+    if bridge.missing:
+        screen.warn(f"{readings.name}: {bridge.missing} readings left out, it has no value for that time or place")
     screen.say(f"{bridge.sent} readings sent")
     screen.result({"sent": bridge.sent, "missing": bridge.missing})
     return 0

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
 from dslam_mav.errors import LogError
 
 
+@contextlib.contextmanager
+def flight_folder(parent: Path, now: datetime | None = None) -> Iterator[Path]:
+    """A new folder `parent`/<UTC>/, gone again at the end of the block if nothing was put in it."""
+    folder = new_flight_folder(parent, now)
+    try:
+        yield folder
+    finally:
+        with contextlib.suppress(OSError):  # not empty: it stays
+            folder.rmdir()
+
+
 def new_flight_folder(parent: Path, now: datetime | None = None) -> Path:
-    """Make logs/<UTC>/ (with a number behind it where that exists) and point `latest` at it."""
+    """Make `parent`/<UTC>/, with a number behind it where that exists; LogError where that cannot be."""
     name = (now or datetime.now(UTC)).strftime("%Y%m%dT%H%M%SZ")
     try:
         parent.mkdir(parents=True, exist_ok=True)
@@ -21,21 +34,24 @@ def new_flight_folder(parent: Path, now: datetime | None = None) -> Path:
                 folder.mkdir()
             except FileExistsError:
                 continue
-            _point_latest(parent, folder.name)
             return folder
     except OSError as problem:
         raise LogError(f"{parent}: no log folder can be made there: {problem.strerror}") from None
     raise LogError(f"{parent}: a thousand folders begin with {name}")
 
 
-def _point_latest(parent: Path, name: str) -> None:
-    latest = parent / "latest"
+def point_latest(folder: Path) -> None:
+    """Make `latest` beside the folder point at it, unless that is somebody's own file."""
+    latest = folder.parent / "latest"
     if latest.exists() and not latest.is_symlink():
-        return  # somebody's own folder of that name
-    temporary = parent / f".latest-{os.getpid()}"
-    temporary.unlink(missing_ok=True)
-    temporary.symlink_to(name)
-    temporary.replace(latest)
+        return
+    temporary = folder.parent / f".latest-{os.getpid()}"
+    try:
+        temporary.unlink(missing_ok=True)
+        temporary.symlink_to(folder.name)
+        temporary.replace(latest)
+    except OSError:
+        return  # a file system without links: the log itself matters more
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -39,7 +39,7 @@ class Logged:
 
 def open_logged(path: Path, options: Namespace) -> Logged:
     """Read a log (.mcap or .tlog) under the options' assumptions, over those it was recorded with."""
-    log = read_log(path) if path.suffix == ".mcap" else None
+    log = None if path.suffix.lower() == ".tlog" or not _begins_as_mcap(path) else read_log(path)
     mission = _mission(path, log, getattr(options, "plan", None))
     base = None
     if log is not None and CONFIGURATION_ATTACHMENT in log.attachments:
@@ -53,6 +53,17 @@ def open_logged(path: Path, options: Namespace) -> Logged:
     )
     truth = None if log is None else log.truth
     return Logged(path, replayed, mission, assumptions, truth, log, assumptions != base)
+
+
+def _begins_as_mcap(path: Path) -> bool:
+    """Whether it is to be read as our log: whatever is not there or not readable is left to the reader to refuse."""
+    if path.suffix.lower() == ".mcap":
+        return True
+    try:
+        with path.open("rb") as file:
+            return file.read(5) == b"\x89MCAP"
+    except OSError:
+        return False
 
 
 def _mission(path: Path, log: FlightLog | None, plan: str | None) -> Mission | None:
@@ -70,7 +81,7 @@ def estimate_again(logged: Logged) -> Outcome:
     run = estimator(logged.assumptions, collector, logged.mission)
     try:
         result = run(logged.replayed.flight)
-    except ValueError as problem:
+    except BadInputError as problem:
         raise BadInputError(f"{logged.path}: {problem}") from None
     return outcome_of(logged).with_estimate(result)
 

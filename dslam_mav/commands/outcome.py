@@ -8,17 +8,18 @@ from pathlib import Path
 
 from dslam_mav.commands.folder import write_whole
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.summary import headline, summary, table
 from dslam_mav.dslam.scoring import has_positions
 from dslam_mav.errors import DslamError
 from dslam_mav.records import Estimate, Flight, Truth
 from dslam_mav.report.data import ReportData
 from dslam_mav.report.page import render
-from dslam_mav.report.table import result_json, result_lines, result_table
+from dslam_mav.report.table import result_json
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What a flight came to. `error` is what ended it early; what was learnt until then is shown first."""
+    """What a flight came to. `stopped` is what ended it early; what was learnt until then is shown first."""
 
     flight: Flight
     estimate: Estimate | None
@@ -26,7 +27,7 @@ class Outcome:
     log: Path
     facts: Mapping[str, str]
     warnings: tuple[str, ...] = ()
-    error: DslamError | None = None
+    stopped: DslamError | KeyboardInterrupt | None = None
     report: Path | None = None
 
     def with_estimate(self, estimate: Estimate) -> Outcome:
@@ -39,31 +40,35 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
     if outcome.estimate is None:
         return outcome
     facts = {**outcome.facts, "log": str(outcome.log)}
+    warnings = outcome.warnings
+    if outcome.stopped is not None:
+        warnings = (f"the flight ended early: {outcome.stopped or 'it was interrupted'}", *warnings)
     title = f"Flight {outcome.log.parent.name}"
-    data = ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, outcome.warnings)
-    write_whole(path, render(data))
+    write_whole(path, render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings)))
     return replace(outcome, report=path)
 
 
 def show(screen: Screen, outcome: Outcome) -> int:
-    """Print the result; 0 where there are positions, 1 where not. Raises what ended the flight early."""
-    for warning in outcome.warnings:
-        screen.warn(warning)
+    """Print the result; 0 where there are positions. Raises what ended the flight early, or why there are none."""
     estimate = outcome.estimate
     if estimate is None:
-        if outcome.error is not None:
-            raise outcome.error
-        raise DslamError(f"{outcome.log}: no leg with readings was flown: nothing to estimate")
+        if outcome.stopped is not None:
+            raise outcome.stopped
+        why = f" ({'; '.join(outcome.warnings)})" if outcome.warnings else ""
+        raise DslamError(f"{outcome.log}: no leg with readings was flown: nothing to estimate{why}")
+    for warning in outcome.warnings:
+        screen.warn(warning)
     screen.say()
-    screen.table(result_table(estimate, outcome.truth))
-    for line in result_lines(estimate, outcome.truth)[1:]:
+    screen.say(headline(estimate))
+    if has_positions(estimate):
+        screen.say()
+        screen.table(table(estimate, outcome.truth))
+        screen.say()
+    for line in summary(estimate, outcome.truth, outcome.log, outcome.report):
         screen.say(line)
-    screen.say(f"log     {outcome.log}")
-    if outcome.report is not None:
-        screen.say(f"report  {outcome.report}")
     screen.result(result_json(estimate, outcome.truth, outcome.log, outcome.report))
-    if outcome.error is not None:
-        raise outcome.error
+    if outcome.stopped is not None:
+        raise outcome.stopped
     if not has_positions(estimate):
-        raise DslamError(f"{estimate.verdict.name}: {estimate.reason}")
+        raise DslamError(f"no position can be given: {estimate.reason}")
     return 0

@@ -17,10 +17,30 @@ from missions.plan import Profile, plan_mission
 from missions.plan_file import read_plan, write_plan
 from sim_bridge.vehicle import DEFAULT_HOME
 
+DEFAULTS = {
+    "pattern": "star7",
+    "leg": 32.0,
+    "first_heading": 0.0,
+    "altitude": 20.0,
+    "speed": 5.0,
+    "hold": 0.0,
+    "seed": 0,
+}
+MAKING = (*DEFAULTS, "legs", "home", "centre")
+"""Options of a mission that is made; with a FILE none of them says anything."""
+
 
 def run(options: Namespace) -> int:
     """Write the plan and say what it is."""
     screen = Screen(json_only=options.json)
+    given = [name for name in MAKING if getattr(options, name) is not None]
+    if options.plan and given:
+        raise BadInputError(
+            f"--{given[0].replace('_', '-')} with {options.plan}: expected one of them: a plan is made or read"
+        )
+    for name, value in DEFAULTS.items():
+        if getattr(options, name) is None:
+            setattr(options, name, value)
     if options.plan:
         plan = read_plan(Path(options.plan))
         mission, name = plan.mission, Path(options.plan).name
@@ -42,7 +62,15 @@ def run(options: Namespace) -> int:
         screen.say(f"  leg {j + 1}: {leg_m:.2f} m{turn}")
     if options.output:
         screen.say(f"written {options.output}")
-    screen.result({"legs": len(legs.lengths_m), "length_m": length_m, "plan": options.output})
+    screen.result(
+        {
+            "predicted": None,
+            "verdict": None,
+            "legs": len(legs.lengths_m),
+            "length_m": length_m,
+            "plan": options.output,
+        }
+    )
     return 0
 
 
@@ -60,7 +88,7 @@ def _make(options: Namespace) -> Mission:
         legs=options.legs,
         heading_rad=math.radians(options.first_heading),
         centre_m=centre,
-        rng=np.random.default_rng(options.seed or 0),
+        rng=np.random.default_rng(options.seed),
     )
     home = parse_home(options.home) if options.home else DEFAULT_HOME
     profile = Profile(altitude_m=options.altitude, speed_m_s=options.speed, hold_s=options.hold)

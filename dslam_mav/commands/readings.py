@@ -50,12 +50,23 @@ def open_readings(options: Namespace, vertices_m: Array | None, speed_m_s: float
     """The readings the options ask for along the plan's vertices, or along the source's own path without a plan."""
     if options.scene and options.readings:
         raise BadInputError("--scene and --readings: expected one of them, got both")
-    if options.readings is None:
-        return _from_scene(Path(options.scene or DEFAULT_SCENE), options, vertices_m, speed_m_s)
-    path = Path(options.readings)
-    if path.suffix == ".npz":
-        return _from_frames(path, options, vertices_m, speed_m_s)
-    return _from_series(path, options, vertices_m, speed_m_s)
+    path = Path(options.readings or options.scene or DEFAULT_SCENE)
+    frames = bool(options.readings) and path.suffix.lower() == ".npz"
+    series = bool(options.readings) and not frames
+    for name, applies, kind in (
+        ("frames", frames, "a .npz"), ("copies", frames, "a .npz"), ("columns", series, "a .csv, .tlog or .mcap"),
+    ):  # fmt: skip
+        if getattr(options, name) is not None and not applies:
+            raise BadInputError(
+                f"--{name} {getattr(options, name)}: expected with --readings of {kind}, got {path.name}"
+            )
+    read = _from_series if series else _from_frames if frames else _from_scene
+    readings = read(path, options, vertices_m, speed_m_s)
+    try:
+        readings.sampling.check(readings.speed_m_s)
+    except BadInputError as problem:
+        raise BadInputError(f"{path}: {problem}") from None
+    return readings
 
 
 def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
@@ -137,14 +148,18 @@ def _frames(text: str, path: Path) -> tuple[int, int]:
 
 
 def _from_series(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
+    series = read_series(path, options.columns)
     if vertices_m is None:
         raise BadInputError(f"{path}: logged readings have no path of their own: give a PLAN to fly")
-    series = read_series(path, options.columns)
     speed = speed_m_s or 5.0
-    field = LoggedField(series)
+    interval_s = float(np.median(np.diff(series.time_s)))
+    try:
+        sampling = Sampling(interval_s=interval_s)
+    except BadInputError as problem:
+        raise BadInputError(f"{path}: {problem}") from None
     return Readings(
-        field=field,
-        sampling=Sampling(interval_s=max(1e-3, float(np.median(np.diff(series.time_s))))),
+        field=LoggedField(series),
+        sampling=sampling,
         noise_sd=0.0,
         rng=np.random.default_rng(0),
         speed_m_s=speed,

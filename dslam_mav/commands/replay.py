@@ -13,7 +13,10 @@ from dslam_mav.commands.screen import Screen
 def run(options: Namespace) -> int:
     """Replay; with `--report FILE` the page is written too."""
     screen = Screen(json_only=options.json)
-    outcome = estimate_again(open_logged(Path(options.log), options))
+    with screen.progress("reading the log"):
+        logged = open_logged(Path(options.log), options)
+    with screen.progress("estimating"):
+        outcome = estimate_again(logged)
     if options.report:
         outcome = write_report(outcome, Path(options.report))
     return show(screen, outcome)

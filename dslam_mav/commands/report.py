@@ -21,9 +21,9 @@ def run(options: Namespace) -> int:
     pages = []
     for name in options.logs:
         path = Path(name)
-        outcome = _outcome(open_logged(path, options))
         page = Path(options.output) if options.output else path.with_name(_page_name(path))
-        write_report(outcome, page)
+        with screen.progress(f"{path} -> {page}"):
+            write_report(_outcome(open_logged(path, options)), page)
         pages.append({"log": str(path), "report": str(page)})
         screen.say(str(page))
     screen.result({"reports": pages})

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-Advance = Callable[[float, float, str], None]
+WIDTH = 100
+"""Text is broken at the terminal's width, but no wider than this; on a pipe a sentence stays one line."""
+
+
+class Advance(Protocol):
+    """Moves a progress bar; a `total` of None: no telling how long it takes."""
+
+    def __call__(self, what: str, done: float, total: float | None, detail: str = "") -> None: ...  # noqa: D102
 
 
 class Screen:
@@ -20,19 +27,26 @@ class Screen:
 
     def __init__(self, *, json_only: bool = False) -> None:
         self.json_only = json_only
-        width = None if sys.stdout.isatty() else 110
-        self._out = Console(highlight=False, soft_wrap=True, width=width)
+        self._terminal = sys.stdout.isatty()
+        self._out = Console(highlight=False, width=None if self._terminal else WIDTH)
+        if self._terminal and self._out.width > WIDTH:
+            self._out = Console(highlight=False, width=WIDTH)
         self._err = Console(stderr=True, highlight=False)
 
     def say(self, text: str = "") -> None:
-        """One line of plain text."""
+        """A paragraph of plain text."""
         if not self.json_only:
-            self._out.print(text, markup=False)
+            self._out.print(text, markup=False, soft_wrap=not self._terminal)
+
+    def follow(self, text: str) -> None:
+        """News of long work: on a terminal only."""
+        if self._terminal:
+            self.say(text)
 
     def table(self, table: Table) -> None:
         """A table."""
         if not self.json_only:
-            self._out.print(table, soft_wrap=False)
+            self._out.print(table)
 
     def warn(self, text: str) -> None:
         """One line on standard error."""
@@ -42,14 +56,31 @@ class Screen:
         """The JSON object, where it was asked for."""
         if self.json_only:
             sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
+            sys.stdout.flush()
 
     @contextmanager
     def progress(self, what: str) -> Iterator[Advance]:
-        """A progress bar on a terminal, nothing on a pipe: yields advance(done, total, what)."""
+        """A progress bar on a terminal, nothing on a pipe; it is gone when the work is done."""
         if not sys.stderr.isatty():
-            yield lambda done, total, text: None  # noqa: ARG005
+            yield _nothing
             return
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=self._err, transient=True) as bar:
-            task = bar.add_task(what, total=None)
-            yield lambda done, total, text: bar.update(task, completed=done, total=total, description=text)
+        columns = (
+            SpinnerColumn("line"),
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
+            TextColumn("{task.fields[detail]}", markup=False),
+            TimeElapsedColumn(),
+        )
+        # What is said meanwhile goes above the bar, but only where both are the same terminal.
+        bar = Progress(*columns, console=self._err, transient=True, redirect_stdout=self._terminal)
+        with bar:
+            task = bar.add_task(what, total=None, detail="")
+
+            def advance(what: str, done: float, total: float | None, detail: str = "") -> None:
+                bar.update(task, description=what, completed=done, total=total, detail=detail)
+
+            yield advance
+
+
+def _nothing(what: str, done: float, total: float | None, detail: str = "") -> None:
+    pass

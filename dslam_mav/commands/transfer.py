@@ -8,15 +8,16 @@ from pathlib import Path
 from dslam_mav.commands.screen import Screen
 from dslam_mav.mav.frames import COMPONENT_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission_transfer import clear, download, upload
+from dslam_mav.mav.mission_transfer import clear, download, start, upload
 from dslam_mav.mission import leg_plan
 from missions.plan_file import read_plan, write_plan
 
 GROUND_SYSTEM = 255
+ARMING_PATIENCE_S = 60.0
 
 
 def run_upload(options: Namespace) -> int:
-    """Send a plan, read it back and compare."""
+    """Send a plan, read it back and compare; with `--start` arm and fly it."""
     screen = Screen(json_only=options.json)
     plan = read_plan(Path(options.plan))
     for note in plan.notes:
@@ -24,13 +25,30 @@ def run_upload(options: Namespace) -> int:
     with _ground(options) as link:
         system = wait_for_vehicle(link, options.timeout)
         with screen.progress("mission upload") as advance:
-            held = upload(link, system, plan.mission, lambda done, total: advance(done, total, "mission upload"))
-    legs = leg_plan(held)
-    length_m = float(legs.lengths_m.sum())
-    screen.say(
-        f"Vehicle {system} holds {len(held.items)} items, {len(legs.lengths_m)} legs, {length_m:.1f} m; read back and compared"
+            held = upload(
+                link,
+                system,
+                plan.mission,
+                lambda done, total: advance("mission upload", done, total, f"{done} of {total} items"),
+            )
+        legs = leg_plan(held)
+        length_m = float(legs.lengths_m.sum())
+        screen.say(
+            f"Vehicle {system} holds the mission: {len(held.items)} items, {len(legs.lengths_m)} legs, "
+            f"{length_m:.1f} m (read back and compared)"
+        )
+        if options.start:
+            start(link, system, ARMING_PATIENCE_S)
+            screen.say(f"Vehicle {system} flies it")
+    screen.result(
+        {
+            "system": system,
+            "items": len(held.items),
+            "legs": len(legs.lengths_m),
+            "length_m": length_m,
+            "started": bool(options.start),
+        }
     )
-    screen.result({"system": system, "items": len(held.items), "legs": len(legs.lengths_m), "length_m": length_m})
     return 0
 
 

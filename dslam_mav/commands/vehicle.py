@@ -14,7 +14,7 @@ from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 
 def run(options: Namespace) -> int:
     """Serve until interrupted."""
-    screen = Screen()
+    screen = Screen(json_only=options.json)
     vehicle = Vehicle(
         options.listen or ["udpin:127.0.0.1:14550"],
         system=options.system,
@@ -24,6 +24,7 @@ def run(options: Namespace) -> int:
         cruise_speed_m_s=options.cruise_speed,
     )
     screen.say(f"vehicle {options.system} listens on {', '.join(vehicle.urls)}, {options.speedup:g} times real time")
+    screen.result({"system": options.system, "urls": list(vehicle.urls)})
     with background(vehicle.run, "vehicle") as worker:
         while worker.running:
             time.sleep(0.2)

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.dslam.kernels.tables import LegTables
+
 Array = NDArray[np.float64]
 
 MARGIN_SPREADS = 4.0  # a centre may lie this far beyond either end of a leg
@@ -39,18 +41,12 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compressed:
-    """All legs' generalised samples in units of `scale` (length) and `sigma` (reading).
+    """All legs' generalised samples, in units of `scale` (length) and `sigma` (reading).
 
-    `z` (L, R); `table` (L, G, 2, R) with φ and φ' at y0 + g·h; `c` (L,) squared spread across each leg; `length` (L,);
-    `rank` (L,) dimensions in use; `energy_out`, `dof_out`: what the basis leaves over (reading²), and its freedom.
+    `rank` (L,) dimensions in use; `energy_out`, `dof_out`: what the bases leave over (reading²), and its freedom.
     """
 
-    z: Array
-    table: Array
-    y0: float
-    h: float
-    c: Array
-    length: Array
+    legs: LegTables
     scale: float
     sigma: float
     rank: NDArray[np.int64]
@@ -91,7 +87,7 @@ def compress(
     """
     scale = float(np.sqrt(reference2))
     longest = max(max(leg.length, float(leg.distance.max())) for leg in legs)
-    shortest = min(0.0, min(float(leg.distance.min()) for leg in legs))
+    shortest = min(0.0, *(float(leg.distance.min()) for leg in legs))
     margin = MARGIN_SPREADS * scale
     h = TABLE_STEP_SPREADS * scale
     nodes = np.arange(shortest - margin, longest + margin + h, h)
@@ -123,16 +119,12 @@ def compress(
         z_all[j, : rank[j]] = z / sigma
         table[j, :, 0, : rank[j]] = value.T
         table[j, :, 1, : rank[j]] = slope.T * scale
-    return Compressed(
+    tables = LegTables(
         z=z_all,
         table=table,
         y0=float(nodes[0]) / scale,
         h=h / scale,
         c=np.array([float(np.mean(leg.spread2)) for leg in legs]) / reference2,
         length=np.array([leg.length for leg in legs]) / scale,
-        scale=scale,
-        sigma=sigma,
-        rank=rank,
-        energy_out=energy_out,
-        dof_out=dof_out,
     )
+    return Compressed(tables, scale, sigma, rank, energy_out, dof_out)

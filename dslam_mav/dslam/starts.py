@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.dslam.beam import corners_by_energy, search_round
 from dslam_mav.dslam.compress import Compressed, Samples, compress
 from dslam_mav.dslam.joint import Problem, State, evaluate, fit, squared_spread
-from dslam_mav.dslam.search import Modes, corners_by_energy, merge, misfit, search, search_round
+from dslam_mav.dslam.modes import Modes, merge, misfit
+from dslam_mav.dslam.search import search
 
 Array = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dslam_mav.dslam.scoring import Score, has_positions, score, truth_in_gauge
 from dslam_mav.records import Estimate, Flight, Truth
@@ -101,7 +102,7 @@ def page_of(data: ReportData) -> Page:
         noise_sd=significant(estimate.noise_sd, 2),
         alternatives=rows.alternative_rows(estimate) if has_positions(estimate) else (),
         fit=rows.fit_rows(estimate),
-        facts=tuple((str(name), str(value)) for name, value in data.facts.items()),
+        facts=tuple((_capital(str(name)), str(value)) for name, value in data.facts.items()),
     )
 
 
@@ -156,9 +157,14 @@ def _number_note(data: ReportData) -> str:
     if not has_positions(data.estimate):
         return "looked for"
     if data.truth is None:
-        return "found or assumed"
+        return _peaks(data.estimate.sources.peak_reading)
     true_number = len(data.truth.amplitude)
     return "as many as in truth" if len(data.estimate.sources) == true_number else f"truth has {true_number}"
+
+
+def _peaks(peak: NDArray[np.float64]) -> str:
+    low, high = significant(float(peak.min()), 2), significant(float(peak.max()), 2)
+    return f"peak reading {high}" if low == high else f"peak readings {low} to {high}"
 
 
 def _snr_note(flight: Flight, estimate: Estimate) -> str:
@@ -181,6 +187,10 @@ def _in_spreads(error_m: float, spread_m: float) -> str:
     if not (math.isfinite(spread_m) and spread_m > 0.0 and math.isfinite(error_m)):
         return "rms"
     return f"rms, {significant(error_m / spread_m, 2)}\u00a0√C"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _truth_warnings(data: ReportData, result: Score | None) -> tuple[str, ...]:

@@ -126,12 +126,12 @@ def field_values(estimate: Estimate, x_m: Array, y_m: Array) -> Array:
 
 def _field_picture(estimate: Estimate, window: geo.Window) -> tuple[str, str, tuple[tuple[float, str], ...]]:
     """The image, its contour lines, and the colour bar's ticks as (share of the bar, label)."""
-    values, _, _ = _sampled(estimate, window, _IMAGE_COLUMNS)
+    values, _, _ = _sampled(estimate, window, _IMAGE_COLUMNS, edge=0.5)
     low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
     if not high > low:
         high = low + 1.0
     ticks = nice_ticks(low, high, 6)
-    coarse, x, y = _sampled(estimate, window, _CONTOUR_COLUMNS)
+    coarse, x, y = _sampled(estimate, window, _CONTOUR_COLUMNS, edge=0.0)  # so that lines end at the frame
     corners = window.units(np.array([[x[0], y[0]], [x[-1], y[-1]]]))
     x_units = np.linspace(corners[0, 0], corners[1, 0], x.size)
     y_units = np.linspace(corners[0, 1], corners[1, 1], y.size)
@@ -140,11 +140,12 @@ def _field_picture(estimate: Estimate, window: geo.Window) -> tuple[str, str, tu
     return image_uri((values - low) / (high - low)), contours, bar
 
 
-def _sampled(estimate: Estimate, window: geo.Window, columns: int) -> tuple[Array, Array, Array]:
-    """The field at pixel centres, top row first, and the x and y of columns and rows."""
+def _sampled(estimate: Estimate, window: geo.Window, columns: int, edge: float) -> tuple[Array, Array, Array]:
+    """The field on a grid that begins `edge` steps inside the window, top row first; x of columns, y of rows."""
     rows = max(2, round(columns * window.height / window.width))
-    x = window.low_x_m + (np.arange(columns) + 0.5) / columns * (window.high_x_m - window.low_x_m)
-    y = window.high_y_m - (np.arange(rows) + 0.5) / rows * (window.high_y_m - window.low_y_m)
+    across, down = (np.linspace(edge, n - 1 + edge, n) / (n - 1 + 2.0 * edge) for n in (columns, rows))
+    x = window.low_x_m + across * (window.high_x_m - window.low_x_m)
+    y = window.high_y_m - down * (window.high_y_m - window.low_y_m)
     return field_values(estimate, x, y), x, y
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.records import Estimate, Flight
+from dslam_mav.records import Estimate, Flight, Leg
 from dslam_mav.report import geometry as geo
 from dslam_mav.report.numbers import nice_ticks, tick_labels
 
@@ -21,6 +21,8 @@ MAX_PANELS = 60
 _POINTS_IN_ALL = 9000  # drawn over all legs together; beyond it, legs are drawn as strokes
 _STROKES_IN_ALL = 7000
 _MODEL_VERTICES = 200
+_DENSE = 150  # readings on a leg from which on their points are drawn finer
+_PAST_CORNER = 0.005  # share of the axis; readings nearer to a corner's line than this are at the corner
 
 WIDTH, _LEFT, _RIGHT = 290.0, 54.0, 4.0
 _READING = (8.0, 120.0)  # top and height of the upper panel
@@ -44,7 +46,10 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class LegPanel:
-    """One leg as SVG path data: points or strokes, the model's line, residuals and those beyond the panel."""
+    """One leg as SVG path data: points or strokes, the model's line, residuals and those beyond the panel.
+
+    `corners` are the places of the path's corners (drawing units) that readings lie past: overshoot and hover.
+    """
 
     number: int
     length_m: float
@@ -54,8 +59,10 @@ class LegPanel:
     reading_path: str
     residual_path: str
     as_strokes: bool
+    dense: bool
     model_path: str
     beyond: tuple[tuple[float, float, bool], ...]
+    corners: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +164,20 @@ def _panel(
         reading_path=_data_path(x, reading_axis.units(leg.reading), as_strokes, columns),
         residual_path=residual_path,
         as_strokes=as_strokes,
+        dense=leg.reading.size > _DENSE,
         model_path=model,
         beyond=beyond,
+        corners=_corners_passed(leg, x_axis),
     )
+
+
+def _corners_passed(leg: Leg, axis: Axis) -> tuple[float, ...]:
+    if not leg.distance_m.size:
+        return ()
+    near = _PAST_CORNER * (axis.high - axis.low)
+    passed = (leg.distance_m.min() < -near, leg.distance_m.max() > leg.length_m + near)
+    places = axis.units(np.array([0.0, leg.length_m]))
+    return tuple(float(place) for place, past in zip(places, passed, strict=True) if past)
 
 
 def _data_path(x: Array, y: Array, as_strokes: bool, columns: int) -> str:
@@ -195,7 +213,10 @@ def _noise_band(axis: Axis | None, noise_sd: float) -> tuple[float, float] | Non
 def _axis(low: float, high: float, place: tuple[float, float], about: int, symmetric: bool) -> Axis:
     start, length = place
     ticks = nice_ticks(low, high, about)
-    if symmetric and ticks.size > 3:
+    if symmetric:
+        while ticks.size < 3:  # zero alone is no scale
+            about *= 2
+            ticks = nice_ticks(low, high, about)
         ticks = np.array([ticks[0], 0.0, ticks[-1]])
     units = start + (ticks - low) / (high - low) * length
     labelled = tuple((float(u), label) for u, label in zip(units, tick_labels(ticks), strict=True))

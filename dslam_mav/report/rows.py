@@ -149,6 +149,7 @@ def fit_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
     spread_sd = 0.5 * estimate.spread_m * parameter_sd(estimate, {"ln C": 1.0})
     ambient = math.nan if medium.ambient is None else medium.ambient
     mu = medium.diffusivity_m2_s
+    known = estimate.residual.size > 0
     rows = [
         ("Field", "static: still at the first reading" if medium.static else "evolving during the flight"),
         ("Spread √C at the first reading", f"{with_sd(estimate.spread_m, spread_sd)} m"),
@@ -159,6 +160,7 @@ def fit_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
         ),
         ("Ambient reading", with_sd(ambient, parameter_sd(estimate, {"ambient": 1.0}))),
         ("Noise, standard deviation", significant(estimate.noise_sd, 3)),
+        ("Residuals, rms", significant(float(np.sqrt(np.mean(estimate.residual**2))), 3) if known else UNKNOWN),
         ("Log-likelihood", fixed(estimate.log_likelihood, 2)),
         ("Dimensions", str(medium.dimensions)),
     ]
@@ -169,12 +171,10 @@ def fit_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
 
 def error_rows(result: Score) -> tuple[tuple[str, str], ...]:
     """Errors against truth, ours in metres and the paper's relative ones."""
-    amplitudes = ", ".join(
-        UNKNOWN if math.isnan(e) else f"{significant(100.0 * e, 2)} %" for e in result.amplitude_relative_error
-    )
+    amplitudes = ", ".join(_percent(e) for e in result.amplitude_relative_error)
     lines = significant(result.paper_lines, 3)
     if math.isinf(result.paper_lines):
-        lines += ": the true path passes over home"
+        lines += ": the path meets home"
     return (
         ("Number of sources", "agrees with truth" if result.same_number else "does not agree with truth"),
         ("Sources, rms", f"{significant(result.source_error_rms_m, 3)} m"),
@@ -188,5 +188,13 @@ def error_rows(result: Score) -> tuple[tuple[str, str], ...]:
 
 
 def _distance(value_m: float) -> str:
-    """A distance between two places; what is left of rounding is no distance."""
-    return "0" if value_m < 1e-9 else significant(value_m, 2)
+    """A distance between two places; what is left of rounding, in the estimate or on the wire, is no distance."""
+    if value_m < 1e-9:
+        return "0"
+    return "<\u00a00.001" if value_m < 5e-4 else significant(value_m, 2)
+
+
+def _percent(share: float) -> str:
+    if math.isnan(share):
+        return UNKNOWN
+    return "<\u00a00.01\u00a0%" if share < 1e-4 else f"{significant(100.0 * share, 2)}\u00a0%"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+from pathlib import Path
 from typing import Literal
 
 from dslam_mav.records import Verdict
@@ -56,3 +58,12 @@ MEANINGS = {
         "fewer sources."
     ),
 }
+
+
+def title_of(log: Path) -> str:
+    """A heading for the flight in this log: when it was, if its folder says so, else the file's name."""
+    try:
+        flown = datetime.strptime(log.parent.name[:16], "%Y%m%dT%H%M%SZ")
+    except ValueError:
+        return f"Flight {log.stem}"
+    return f"Flight of {flown.day} {flown:%B %Y, %H:%M:%S} UTC"

@@ -15,7 +15,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from report_flights import estimate_near, star_flight, star_truth, with_alternative, without_positions
+from report_flights import LEG_M, estimate_near, star_flight, star_truth, with_alternative, without_positions
 
 from dslam_mav.dslam.field import field
 from dslam_mav.dslam.scoring import score
@@ -120,6 +120,22 @@ def test_without_truth_there_is_no_word_of_error(case):
     assert "S3" in text
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_what_was_fitted_stands_once_with_or_without_truth(case, known):
+    text = outline(page_of(case, **({} if known else {"truth": None}))).text
+    assert text.count("Medium and fit") == 1
+    assert text.count("Residuals, rms") == 1
+
+
+def test_what_is_left_of_rounding_is_no_error(case):
+    _, _, estimate = case
+    vertices = estimate.path.vertices_m.copy()
+    vertices[1] = [LEG_M + 9.4e-7, 0.0]  # as a length that went over the wire
+    page = page_of(case, estimate=replace(estimate, path=Path(vertices, estimate.path.heading_rad)))
+    assert "10⁻⁷" not in page
+    assert "&lt;\u00a00.001" in page
+
+
 def test_only_the_best_solution_shows_without_scripts(case):
     parsed = outline(page_of(case))
     panels = [a for t, a in parsed.tags if t == "div" and a.get("class") == "solution"]
@@ -194,19 +210,6 @@ def test_many_legs_stay_small_too():
     page = page_of((truth, Flight(legs), estimate), truth=None)
     assert len(page.encode()) < MAX_BYTES
     assert "30 further legs are in the log" in page
-
-
-def test_drawn_strokes_keep_the_extremes():
-    from dslam_mav.report.leg_plots import thinned
-
-    rng = np.random.default_rng(0)
-    x, y = rng.uniform(50.0, 280.0, 20_000), rng.normal(size=20_000)
-    centre, low, high = thinned(x, y, 200)
-    assert centre.size == 200
-    assert low.min() == y.min()
-    assert high.max() == y.max()
-    at = (x >= centre[7] - 0.575) & (x < centre[7] + 0.575)
-    assert high[7] == pytest.approx(y[at].max(), abs=0.5)
 
 
 def test_map_values_are_the_field_of_the_sources(case):

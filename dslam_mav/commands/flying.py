@@ -1,0 +1,237 @@
+"""The flight itself: upload, start, read, estimate and log, whatever becomes of the vehicle or of us."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from dslam_mav.assumed import estimator
+from dslam_mav.commands.assume import configuration, in_words
+from dslam_mav.commands.background import Background, background
+from dslam_mav.commands.flight_progress import FlightProgress
+from dslam_mav.commands.folder import point_latest
+from dslam_mav.commands.logged import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT
+from dslam_mav.commands.outcome import Outcome
+from dslam_mav.commands.readings import Readings
+from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.summary import under_way
+from dslam_mav.errors import DslamError, LinkError
+from dslam_mav.legs import LegCollector
+from dslam_mav.log.recorder import Recorder
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, COMPONENT_BRIDGE, COMPONENT_ESTIMATOR, COMPONENT_GROUND
+from dslam_mav.mav.link import Link, wait_for_vehicle
+from dslam_mav.mav.mission_transfer import start, upload
+from dslam_mav.mav.onboard import Onboard, Update
+from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
+from dslam_mav.plan_facts import plan_facts
+from dslam_mav.records import Assumptions, Truth
+from missions.plan_file import plan_bytes
+from sim_bridge.bridge import Bridge
+from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
+
+GROUND_SYSTEM = 255
+ARMING_PATIENCE_S = 60.0
+ESTIMATE_PATIENCE_S = 120.0
+"""How long the last estimate may take once the flight is over or interrupted; a second Ctrl-C ends it at once."""
+
+_REFRESH_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setup:
+    """All that is decided before anything flies; `notes` say what was changed in the plan."""
+
+    mission: Mission
+    readings: Readings
+    assumptions: Assumptions
+    plan_name: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Crew:
+    """Who is at work during the flight."""
+
+    onboard: Onboard
+    bridge: Bridge
+    updates: list[Update]
+
+
+def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outcome:
+    """One flight, logged in `folder`. What ends it early once it has begun is in the outcome, not raised."""
+    with ExitStack() as stack:
+        url = options.connect or stack.enter_context(_loopback(options, setup.mission))
+        ground = stack.enter_context(Link(url, system=GROUND_SYSTEM, component=COMPONENT_GROUND))
+        system = wait_for_vehicle(ground, options.timeout)
+        held = _upload(ground, system, setup, screen)
+        legs = leg_plan(held)
+        recorder = stack.enter_context(Recorder(folder / "flight.mcap"))
+        point_latest(folder)
+        truth = _truth(setup, held)
+        _attach(recorder, setup, held, truth)
+        crew = _crew(stack, url, system, setup, held, recorder)
+        stopped = _follow(ground, system, crew, legs, screen)
+        collector = crew.onboard.collector
+        return Outcome(
+            flight=collector.flight(final=True),
+            estimate=crew.onboard.result,
+            truth=truth,
+            log=folder / "flight.mcap",
+            facts={**_facts(setup, legs, crew.bridge.sent), **in_words(setup.assumptions)},
+            warnings=(*_missing(setup.readings, crew.bridge), *collector.notes(collector.legs(final=True))),
+            stopped=stopped,
+        )
+
+
+def _upload(ground: Link, system: int, setup: Setup, screen: Screen) -> Mission:
+    with screen.progress("mission upload") as advance:
+        held = upload(
+            ground,
+            system,
+            setup.mission,
+            lambda done, total: advance("mission upload", done, total, f"{done} of {total} items"),
+        )
+    legs = leg_plan(held)
+    screen.say(
+        f"Vehicle {system} holds the mission, as read back: {setup.plan_name}, {len(legs.lengths_m)} legs, "
+        f"{legs.lengths_m.sum():.0f} m"
+    )
+    return held
+
+
+def _crew(stack: ExitStack, url: str, system: int, setup: Setup, held: Mission, recorder: Recorder) -> _Crew:
+    """Estimator and bridge, each on a connection of its own."""
+    collector = LegCollector(plan_facts(held), distance=setup.assumptions.distance)
+    updates: list[Update] = []
+    onboard = Onboard(
+        stack.enter_context(Link(url, system=system, component=COMPONENT_ESTIMATOR)),
+        system,
+        collector,
+        estimator(setup.assumptions, collector, held),
+        recorder,
+        on_update=updates.append,
+        yaw=setup.assumptions.heading == "vehicle",
+    )
+    bridge = Bridge(
+        stack.enter_context(Link(url, system=system, component=COMPONENT_BRIDGE)),
+        system,
+        setup.readings.field,
+        setup.readings.sampling,
+        leg_plan(held).sequence,
+        noise_sd=setup.readings.noise_sd,
+        rng=setup.readings.rng,
+    )
+    return _Crew(onboard, bridge, updates)
+
+
+def _follow(
+    ground: Link, system: int, crew: _Crew, legs: LegPlan, screen: Screen
+) -> DslamError | KeyboardInterrupt | None:
+    """Start the mission and stay until the estimator is done; what ended the flight early, if anything did."""
+    interrupted = None
+    with (
+        background(crew.bridge.run, "bridge") as reading,
+        background(crew.onboard.run, "onboard", ESTIMATE_PATIENCE_S) as estimating,
+    ):
+        try:
+            _begin(ground, system, (reading, estimating))
+            _watch(ground, (reading, estimating), crew.updates, legs, screen)
+        except KeyboardInterrupt as signal:
+            interrupted = signal
+    return interrupted or _problem(reading, estimating, answered=crew.onboard.result is not None)
+
+
+def _begin(ground: Link, system: int, workers: tuple[Background, Background]) -> None:
+    time.sleep(0.3)  # a vehicle forwards only to those whose heartbeat it has heard
+    for worker in workers:
+        worker.check()
+    start(ground, system, ARMING_PATIENCE_S)
+
+
+def _watch(
+    ground: Link, workers: tuple[Background, Background], updates: list[Update], legs: LegPlan, screen: Screen
+) -> None:
+    """Show what comes until the estimator is done."""
+    reading, estimating = workers
+    seen = FlightProgress(legs)
+    shown = 0
+    beat_s = 0.0
+    with screen.progress(seen.what) as advance:
+        while estimating.running:
+            now_s = time.monotonic()
+            if now_s - beat_s >= 1.0:
+                beat_s = now_s
+                ground.send_heartbeat()
+            while time.monotonic() - now_s < _REFRESH_S and estimating.running:
+                frame = ground.receive(0.02)
+                if frame is not None and frame.message.get_srcComponent() == COMPONENT_AUTOPILOT:
+                    seen.see(frame.message)
+            if seen.flown:
+                advance(f"{seen.what}, estimating", 0, None)
+            else:
+                advance(seen.what, seen.flown_m, seen.total_m, seen.detail)
+            for update in updates[shown:]:
+                shown += 1
+                if update.estimate is not None and not update.final:
+                    screen.follow(under_way(update.estimate, update.legs_flown, len(legs.lengths_m)))
+            if reading.error is not None and not isinstance(reading.error, LinkError):
+                return
+
+
+def _problem(reading: Background, estimating: Background, *, answered: bool) -> DslamError | None:
+    """What ended the flight early. A bridge that lost a vehicle which had landed is none; a bug is raised."""
+    late = answered and isinstance(reading.error, LinkError)
+    problem = estimating.error or (None if late else reading.error)
+    if problem is None or isinstance(problem, DslamError):
+        return problem
+    raise problem
+
+
+def _missing(readings: Readings, bridge: Bridge) -> list[str]:
+    lines = []
+    if bridge.missing:
+        lines.append(f"{readings.name}: {bridge.missing} readings left out, it has no value for that time or place")
+    if bridge.sampler.skipped:
+        lines.append(f"{readings.name}: {bridge.sampler.skipped} readings left out, faster than one a millisecond")
+    return lines
+
+
+def _truth(setup: Setup, held: Mission) -> Truth | None:
+    truth = setup.readings.truth
+    if truth is None:
+        return None
+    return Truth(truth.source_position_m, truth.amplitude, leg_plan(held).vertices_m)
+
+
+def _attach(recorder: Recorder, setup: Setup, held: Mission, truth: Truth | None) -> None:
+    recorder.attach(MISSION_ATTACHMENT, "text/plain", plan_bytes(held, ".waypoints"))
+    recorder.attach("plan.plan", "application/json", plan_bytes(held, ".plan"))
+    command = "dslam-mav " + shlex.join(sys.argv[1:])
+    recorder.attach(CONFIGURATION_ATTACHMENT, "application/json", configuration(setup.assumptions, command))
+    if setup.readings.attachment is not None:
+        recorder.attach(*setup.readings.attachment)
+    if truth is not None:
+        recorder.truth(time.time_ns(), truth)
+
+
+def _facts(setup: Setup, legs: LegPlan, sent: int) -> dict[str, str]:
+    return {
+        "mission": f"{setup.plan_name}: {len(legs.lengths_m)} legs, {legs.lengths_m.sum():.1f} m",
+        "readings": f"{sent} from {setup.readings.name}",
+        "speed": f"{setup.readings.speed_m_s:g} m/s",
+    }
+
+
+@contextmanager
+def _loopback(options: Namespace, mission: Mission) -> Iterator[str]:
+    """A loopback vehicle of our own; the URL to reach it at."""
+    home = home_of(mission) or DEFAULT_HOME
+    vehicle = Vehicle(["udpin:127.0.0.1:0"], speedup=options.speedup, seed=options.seed or 0, home=home)
+    with background(vehicle.run, "vehicle"):
+        yield vehicle.urls[0].replace("udpin", "udpout", 1)

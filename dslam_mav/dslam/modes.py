@@ -1,0 +1,94 @@
+"""Distinct minima of the search, best first: pick, merge, and bring to one gauge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.align import MIN_TURN_SINE
+from dslam_mav.dslam.compress import Compressed
+from dslam_mav.dslam.kernels.scan import distinct
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SAME_MODE = 0.03  # in spreads, and in the headings' cosines and sines
+MOST_MODES = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Modes:
+    """M candidates: headings θ (M, L), sources S (M, K, 2), log amplitudes α (M, K), χ² `cost` (M,).
+
+    In the units of the `Compressed` they were found on; sources are measured from the start of the first leg in use.
+    """
+
+    theta: Array
+    s: Array
+    alpha: Array
+    cost: Array
+    rounds: int = 0
+
+    def __len__(self) -> int:
+        return int(self.cost.size)
+
+    def take(self, index: Indices) -> Modes:
+        """Some of the modes, in the given order."""
+        return Modes(self.theta[index], self.s[index], self.alpha[index], self.cost[index], self.rounds)
+
+    def with_cost(self, cost: Array) -> Modes:
+        """The same with these costs."""
+        return replace(self, cost=cost)
+
+
+def no_modes(n_legs: int, k_sources: int) -> Modes:
+    """No mode yet."""
+    return Modes(np.empty((0, n_legs)), np.empty((0, k_sources, 2)), np.empty((0, k_sources)), np.empty(0))
+
+
+def best(modes: Modes, lo: int, hi: int, keep: int) -> Modes:
+    """The best `keep` that differ on legs lo … hi."""
+    order = np.argsort(modes.cost, kind="stable")
+    ordered = modes.take(order[np.isfinite(modes.cost[order])])
+    return ordered.take(distinct(ordered.theta, ordered.s, ordered.alpha, lo, hi, keep, SAME_MODE))
+
+
+def merge(modes: Modes, more: Modes, window: float) -> Modes:
+    """Both sets' distinct minima within `window` of the best."""
+    if not len(more):
+        return modes
+    both = Modes(
+        np.concatenate([modes.theta, more.theta]),
+        np.concatenate([modes.s, more.s]),
+        np.concatenate([modes.alpha, more.alpha]),
+        np.concatenate([modes.cost, more.cost]),
+        max(modes.rounds, more.rounds),
+    )
+    near = np.flatnonzero(both.cost < both.cost.min() + window)
+    return best(both.take(near), 0, modes.theta.shape[1] - 1, MOST_MODES)
+
+
+def canonical(modes: Modes) -> Modes:
+    """Turn every mode so that its first leg has heading 0, and mirror it so that its first turn is positive."""
+    theta, s = modes.theta.copy(), modes.s.copy()
+    for i in range(len(modes)):
+        first = theta[i, 0]
+        cos, sin = np.cos(first), np.sin(first)
+        theta[i] -= first
+        s[i] = s[i] @ np.array([[cos, -sin], [sin, cos]])
+        sines = np.sin(np.diff(theta[i]))
+        turns = sines[np.abs(sines) > MIN_TURN_SINE]
+        if turns.size and turns[0] < 0.0:
+            theta[i] *= -1.0
+            s[i, :, 1] *= -1.0
+    return replace(modes, theta=theta, s=s)
+
+
+def misfit(modes: Modes, comp: Compressed, k_sources: int) -> float:
+    """By how much the best answer's χ² exceeds what noise explains, at least 1: Δχ² is measured in its units."""
+    if not len(modes):
+        return 1.0
+    freedom = int(comp.rank.sum()) - (comp.legs.length.size - 1) - 3 * k_sources
+    return max(1.0, float(modes.cost.min()) / max(freedom, 1))

@@ -1,0 +1,169 @@
+"""Random scenes with known truth, and how an estimate is judged on them: shared by tests and benches.
+
+Lengths are in units of √C unless a scale is given. The truth's own fit, started at the truth, says what the best
+answer in the truth's basin is.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav import Flight, Leg, Medium, estimate
+from dslam_mav.dslam import joint
+from dslam_mav.dslam.align import to_canonical
+from dslam_mav.dslam.field import field, squared_spread_m2
+from dslam_mav.records import Estimate
+from missions.patterns import star
+
+Array = NDArray[np.float64]
+
+BOX = 1.6
+APART = 0.8
+SAME_BASIN = 0.05  # in spreads: an answer this near the truth's own fit is in its basin
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A flight over a random scene; truth in the canonical gauge."""
+
+    flight: Flight
+    medium: Medium
+    position_m: Array
+    amplitude: Array
+    heading_rad: Array
+    noise_sd: float
+    ambient: float
+
+
+def random_case(
+    seed: tuple[int, ...],
+    k_sources: int,
+    snr_db: float,
+    *,
+    vertices: Array | None = None,
+    medium: Medium | None = None,
+    readings_per_leg: int = 64,
+    ambient: float = 0.0,
+    age_over_flight: float | None = None,
+) -> Case:
+    """K sources uniform in ±1.6 √C about the path's centre, ≥ 0.8 √C apart, amplitudes 50–200 log-uniform.
+
+    `age_over_flight`: the field evolves, and its age at the start is this many times the flight's duration.
+    """
+    rng = np.random.default_rng(seed)
+    path = star(7, 3, 3.2) if vertices is None else vertices
+    path = path - path[:-1].mean(axis=0)
+    position = _places(rng, k_sources)
+    amplitude = 50.0 * 4.0 ** rng.random(k_sources)
+    flight_s = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())  # at 1 √C/s
+    age = 1e9 if age_over_flight is None else age_over_flight * flight_s
+    diffusivity = 0.25 / age
+    legs, clean, start_s = [], [], 0.0
+    for a, b in zip(path[:-1], path[1:], strict=True):
+        length = float(np.linalg.norm(b - a))
+        s = length * np.arange(readings_per_leg) / readings_per_leg
+        c = squared_spread_m2(start_s + s, diffusivity, -age)
+        clean.append(field(a + s[:, None] * (b - a) / length, c[:, None], position, amplitude))
+        legs.append((length, s, start_s + s))
+        start_s += length
+    noise_sd = float(np.sqrt(np.mean(np.concatenate(clean) ** 2) / 10.0 ** (snr_db / 10.0)))
+    flown = tuple(
+        Leg(length, s, t, y + ambient + noise_sd * rng.standard_normal(y.size))
+        for (length, s, t), y in zip(legs, clean, strict=True)
+    )
+    canonical = to_canonical(path)
+    turned = canonical.apply(path)
+    step = np.diff(turned, axis=0)
+    return Case(
+        flight=Flight(flown),
+        medium=medium or Medium(spread_m=1.0, static=True),
+        position_m=canonical.apply(position),
+        amplitude=amplitude,
+        heading_rad=np.arctan2(step[:, 1], step[:, 0]),
+        noise_sd=noise_sd,
+        ambient=ambient,
+    )
+
+
+def _places(rng: np.random.Generator, count: int) -> Array:
+    while True:
+        places = rng.uniform(-BOX, BOX, (count, 2))
+        apart = np.linalg.norm(places[:, None] - places[None], axis=2) + 10.0 * np.eye(count)
+        if apart.min() > APART:
+            return places
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What an estimate of a case is worth; errors are RMS over the sources, in metres."""
+
+    estimate: Estimate
+    seconds: float
+    found: bool  # its cost is at most (1 + 1e-4) times that of the fit started at the truth
+    truth_listed: bool  # the truth's basin is the result or among its alternatives
+    error_m: float
+    mode_error_m: float  # of the mode nearest to the truth
+    mode_bound_m: float  # what that mode's covariance predicts
+    mode_nees: float  # of that mode, per degree of freedom
+
+
+def judge(case: Case, k_sources: int) -> Judged:
+    """Estimate a case and compare with the truth."""
+    begun = time.perf_counter()
+    result = estimate(case.flight, case.medium, k_sources)
+    seconds = time.perf_counter() - begun
+    best = truth_fit(case)
+    cost = float(result.residual @ result.residual)
+    listed = False
+    modes = [result, *result.alternatives]
+    for mode in modes:
+        order = _matching(mode.sources.position_m, best.state.s)
+        listed |= bool(np.abs(mode.sources.position_m[order] - best.state.s).max() < SAME_BASIN)
+    errors = [_error(mode, case.position_m) for mode in modes]
+    nearest = int(np.nanargmin(errors)) if np.isfinite(errors).any() else 0
+    mode = modes[nearest]
+    order = _matching(mode.sources.position_m, case.position_m)
+    blocks = mode.position_covariance_m2[order]
+    off = mode.sources.position_m[order] - case.position_m
+    nees = float(np.mean([o @ np.linalg.solve(c, o) / 2.0 for o, c in zip(off, blocks, strict=True)]))
+    return Judged(
+        estimate=result,
+        seconds=seconds,
+        found=cost <= best.cost * (1.0 + 1e-4),
+        truth_listed=listed,
+        error_m=errors[0],
+        mode_error_m=errors[nearest],
+        mode_bound_m=float(np.sqrt(np.trace(blocks, axis1=1, axis2=2).mean())),
+        mode_nees=nees,
+    )
+
+
+def truth_fit(case: Case) -> joint.Fit:
+    """The joint fit started at the truth."""
+    prob = joint.problem(case.flight, case.medium)
+    spread2 = prob.spread2 if prob.spread2 is not None else 1.0
+    start = joint.State(
+        case.heading_rad - case.heading_rad[0],
+        case.position_m,
+        np.log(case.amplitude),
+        float(np.log(spread2)),
+        float(np.log(prob.age_s)) if prob.age_s is not None else 0.0,
+        case.ambient,
+    )
+    return joint.fit(prob, start)
+
+
+def _matching(position: Array, truth: Array) -> list[int]:
+    if not np.isfinite(position).all():
+        return list(range(len(truth)))
+    return list(min(permutations(range(len(truth))), key=lambda p: float(((position[list(p)] - truth) ** 2).sum())))
+
+
+def _error(mode: Estimate, truth: Array) -> float:
+    position = mode.sources.position_m
+    return float(np.sqrt(((position[_matching(position, truth)] - truth) ** 2).sum(axis=1).mean()))
