@@ -1,12 +1,19 @@
 """dslam_mav: the sources of a diffusing field, and the drone's own path, from one scalar sensor.
 
-The public names are here; their meaning is in the README ("Python").
+The public names are here; their meaning is in the README ("Python"). They are imported when first used, so that a
+command that needs none of them starts at once.
 """
 
-from dslam_mav.dslam.estimator import estimate
-from dslam_mav.log.reader import read_log
-from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
-from dslam_mav.replay import read_flight
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dslam_mav.dslam.estimator import estimate
+    from dslam_mav.log.reader import read_log
+    from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
+    from dslam_mav.replay import read_flight
 
 __version__ = "0.1.0"
 
@@ -23,3 +30,21 @@ __all__ = [
     "read_flight",
     "read_log",
 ]
+
+_HOMES = {
+    "estimate": "dslam_mav.dslam.estimator",
+    "read_flight": "dslam_mav.replay",
+    "read_log": "dslam_mav.log.reader",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_HOMES.get(name, "dslam_mav.records")), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

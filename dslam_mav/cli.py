@@ -7,6 +7,7 @@ import contextlib
 import importlib
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -36,6 +37,8 @@ class _Parser(argparse.ArgumentParser):
 
     def __init__(self, **settings: object) -> None:
         super().__init__(**{"allow_abbrev": False, **settings})  # type: ignore[arg-type]
+        # -33.5,151.2 is a place in the south, no option
+        self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:
         raise BadInputError(f"{self.prog}: {message} (see {self.prog} --help)")
@@ -56,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return command(options)
     except DslamError as problem:
         text = str(problem)
-        sys.stderr.write(text + "\n" if text.startswith("dslam-mav ") else f"dslam-mav: {text}\n")
+        sys.stderr.write(text + "\n" if text.startswith(("dslam-mav ", "dslam-mav:")) else f"dslam-mav: {text}\n")
         return BAD_INPUT if isinstance(problem, BadInputError) else FAILED
     except _Terminated:
         sys.stderr.write("dslam-mav: terminated\n")

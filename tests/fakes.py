@@ -110,13 +110,21 @@ class ScriptedVehicle:
                 self._sock.sendto(encoder.pack(beat), peer)
 
 
+MISSION_MESSAGES = {*range(39, 48), 51, 73}  # from MISSION_ITEM to MISSION_ACK, and the INT ones
+
+
 class LossyRadio:
-    """A UDP relay that loses and doubles datagrams, both ways, by a seed; `url` is where to connect."""
+    """A UDP relay that loses and doubles packets, both ways, by a seed; `url` is where to connect.
+
+    Of a mission's packets it never loses two in a row one way, so that six tries always suffice: what order
+    heartbeats and telemetry come in, and so which packet meets which random number, is up to the machine.
+    """
 
     def __init__(self, target_url: str, *, loss: float, seed: int, double: float = 0.0) -> None:
         _, host, port = target_url.split(":")
         self._target = (host, int(port))
         self._loss, self._double = loss, double
+        self._spared = {"near": False, "far": False}  # whether the mission's next packet from there gets through
         self._random = random.Random(seed)
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -144,7 +152,7 @@ class LossyRadio:
                 with contextlib.suppress(OSError):
                     data, sender = sock.recvfrom(65536)
                     station = sender if sock is self._near else station
-                    if self._random.random() < self._loss:
+                    if self._loses(data, "near" if sock is self._near else "far"):
                         self.lost += 1
                         continue
                     for _ in range(1 + (self._random.random() < self._double)):
@@ -152,3 +160,11 @@ class LossyRadio:
                             self._far.sendto(data, self._target)
                         elif station:
                             self._near.sendto(data, station)
+
+    def _loses(self, data: bytes, side: str) -> bool:
+        if int.from_bytes(data[7:10], "little") not in MISSION_MESSAGES:
+            return self._random.random() < self._loss
+        # p lost after one that came through, none after one lost: p / (1 + p) of all
+        lost = not self._spared[side] and self._random.random() < self._loss / (1.0 - self._loss)
+        self._spared[side] = lost
+        return lost

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ def random_case(
     age = 1e9 if age_over_flight is None else age_over_flight * flight_s
     diffusivity = 0.25 / age
     legs, clean, start_s = [], [], 0.0
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in pairwise(path):
         length = float(np.linalg.norm(b - a))
         s = length * np.arange(readings_per_leg) / readings_per_leg
         c = squared_spread_m2(start_s + s, diffusivity, -age)

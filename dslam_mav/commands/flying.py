@@ -77,6 +77,8 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         _attach(recorder, setup, held, truth)
         crew = _crew(stack, url, system, setup, held, recorder)
         stopped = _follow(ground, system, crew, legs, screen)
+        if options.connect and isinstance(stopped, KeyboardInterrupt):
+            screen.warn(f"vehicle {system} was not told to stop: it goes on with its mission")
         collector = crew.onboard.collector
         return Outcome(
             flight=collector.flight(final=True),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from argparse import Namespace
 from pathlib import Path
 
@@ -23,6 +25,7 @@ from dslam_mav.mav.mission_transfer import download
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.plan_facts import plan_facts
+from dslam_mav.records import Assumptions
 from missions.plan_file import plan_bytes, read_plan
 
 
@@ -37,10 +40,7 @@ def run(options: Namespace) -> int:
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
     with Recorder(out) as recorder:
-        body = configuration(assumptions, f"onboard --out {out}")
-        recorder.attach(CONFIGURATION_ATTACHMENT, "application/json", body)
-        recorder.attach(MISSION_ATTACHMENT, "text/plain", plan_bytes(mission, ".waypoints"))
-        recorder.attach("plan.plan", "application/json", plan_bytes(mission, ".plan"))
+        _attach(recorder, assumptions, mission)
         collector = LegCollector(plan_facts(mission), distance=assumptions.distance)
         updates: list[Update] = []
         stopped: DslamError | KeyboardInterrupt | None = None
@@ -72,6 +72,13 @@ def run(options: Namespace) -> int:
             stopped=stopped or worker.error,
         )
     return show(screen, outcome)
+
+
+def _attach(recorder: Recorder, assumptions: Assumptions, mission: Mission) -> None:
+    command = "dslam-mav " + shlex.join(sys.argv[1:])
+    recorder.attach(CONFIGURATION_ATTACHMENT, "application/json", configuration(assumptions, command))
+    recorder.attach(MISSION_ATTACHMENT, "text/plain", plan_bytes(mission, ".waypoints"))
+    recorder.attach("plan.plan", "application/json", plan_bytes(mission, ".plan"))
 
 
 def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Screen) -> None:

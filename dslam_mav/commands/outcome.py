@@ -15,6 +15,7 @@ from dslam_mav.records import Estimate, Flight, Truth
 from dslam_mav.report.data import ReportData
 from dslam_mav.report.page import render
 from dslam_mav.report.table import result_json
+from dslam_mav.report.words import title_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +44,7 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
     warnings = outcome.warnings
     if outcome.stopped is not None:
         warnings = (f"the flight ended early: {outcome.stopped or 'it was interrupted'}", *warnings)
-    title = f"Flight {outcome.log.parent.name}"
+    title = title_of(outcome.log)
     write_whole(path, render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings)))
     return replace(outcome, report=path)
 

@@ -32,6 +32,7 @@ def table(estimate: Estimate, truth: Truth | None) -> Table:
     for column in sources.columns:
         column.header = "\n".join(str(column.header).rsplit(" ", 1))
         column.vertical = "bottom"
+        column.overflow = "fold"
     return sources
 
 

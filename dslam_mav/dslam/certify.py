@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from dslam_mav.dslam.bound import Information
 from dslam_mav.records import Flight, Verdict
@@ -70,7 +70,9 @@ def noise(cost: float, n: int, n_parameters: int, outside: tuple[float, int], sp
         return Noise(pooled, pooled, pooled, 1.0, 0.0)
     s_out = max(energy_out / dof_out, 1e-300)
     s_in = max((cost - energy_out) / dof_in, 0.0)
-    p_value = float(f_distribution.sf(s_in / s_out, dof_in, dof_out))
+    p_value = float(
+        fdtrc(dof_in, dof_out, s_in / s_out)
+    )  # survival of the F distribution; scipy.stats loads for a second
     share = float(np.sqrt(max(s_in - s_out, 0.0) * dof_in / n)) / max(span, 1e-300)
     if p_value < MISFIT_P_VALUE:
         return Noise(s_out + MISFIT_WIDENING * (s_in - s_out), s_in, s_out, p_value, share)

@@ -57,7 +57,7 @@ def estimate(
 
 @cache
 def _threads() -> ThreadpoolController:
-    return ThreadpoolController()
+    return ThreadpoolController()  # type: ignore[no-untyped-call]
 
 
 def _check(

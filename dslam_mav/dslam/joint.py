@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from dslam_mav.records import Flight, Medium
 
@@ -25,6 +26,8 @@ MAX_STEP_HEADING_RAD = 0.3
 MAX_STEP_SPREADS = 0.5
 MAX_STEP_LOG = 0.5
 MAX_ITERATIONS = 100
+PROBE = 0.1  # of a step: where the residual's second derivative is taken
+MOST_BEND = 0.75  # acceleration over velocity, as in the paper
 CONVERGED_GAIN = 1e-5  # in χ²: far below what a reading's noise can tell
 
 
@@ -155,76 +158,103 @@ def squared_spread(prob: Problem, state: State) -> tuple[Array, list[Array]]:
     return c0 * growth, free
 
 
-def evaluate(prob: Problem, state: State) -> tuple[Array, Array]:
-    """Residual (n + priors,) and Jacobian (n + priors, P)."""
-    n, n_legs, k_sources = prob.y.size, prob.length.size, state.log_amplitude.size
+@dataclass(frozen=True, slots=True, eq=False)
+class _Terms:
+    """What residual and Jacobian share: Y_kj, d at every reading, u, C, r²/C and every source's share g (K, n)."""
+
+    along: Array
+    d: Array
+    u: Array
+    c: Array
+    r2: Array
+    g: Array
+    by_medium: list[Array]
+
+
+def _terms(prob: Problem, state: State) -> _Terms:
     cos, sin = np.cos(state.theta), np.sin(state.theta)
     start = vertices(state.theta, prob.length)
     dx = state.s[:, 0, None] - start[None, :-1, 0]
     dy = state.s[:, 1, None] - start[None, :-1, 1]
-    along, across = dx * cos + dy * sin, dy * cos - dx * sin  # Y_kj and d_kj, (K, L)
-    c, free = squared_spread(prob, state)
-    leg = prob.leg
-    u = prob.s[None, :] - along[:, leg]
-    d = across[:, leg]
+    along, across = dx * cos + dy * sin, dy * cos - dx * sin  # Y_kj (4) and d_kj, (K, L)
+    c, by_medium = squared_spread(prob, state)
+    u = prob.s[None, :] - along[:, prob.leg]
+    d = across[:, prob.leg]
     r2 = (u * u + d * d) / c
-    g = np.exp(state.log_amplitude[:, None] - r2) / (np.pi * c)
+    g = np.exp(state.log_amplitude[:, None] - r2) / (np.pi * c)  # (3)
+    return _Terms(along, d, u, c, r2, g, by_medium)
+
+
+def residual_of(prob: Problem, state: State) -> Array:
+    """Residual (n + priors,): model − measured, then the priors' rows."""
+    readings = _terms(prob, state).g.sum(axis=0) + state.ambient - prob.y
+    return np.concatenate([readings, _prior_rows(prob, state)[0]])
+
+
+def evaluate(prob: Problem, state: State) -> tuple[Array, Array]:
+    """Residual (n + priors,) and Jacobian (n + priors, P)."""
+    terms = _terms(prob, state)
+    n_legs, k_sources = prob.length.size, state.log_amplitude.size
+    leg, u, d, c, g = prob.leg, terms.u, terms.d, terms.c, terms.g
+    cos, sin = np.cos(state.theta), np.sin(state.theta)
     by_y = 2.0 * u * g / c
     by_d = -2.0 * d * g / c
-    by_x = by_y * cos[leg] - by_d * sin[leg]
-    by_yy = by_y * sin[leg] + by_d * cos[leg]
-    n_head = n_legs - 1
-    columns = np.zeros((n, n_head + 3 * k_sources + len(medium_names(prob))))
-    sum_x, sum_y = by_x.sum(axis=0), by_yy.sum(axis=0)
-    own = (d * by_y - along[:, leg] * by_d).sum(axis=0)
+    by_sx = by_y * cos[leg] - by_d * sin[leg]
+    by_sy = by_y * sin[leg] + by_d * cos[leg]
+    first = n_legs - 1
+    columns = np.zeros((prob.y.size, len(parameter_names(prob, k_sources))))
+    sum_x, sum_y = by_sx.sum(axis=0), by_sy.sum(axis=0)
+    own = (d * by_y - terms.along[:, leg] * by_d).sum(axis=0)
     for i in range(1, n_legs):
-        moved = prob.length[i] * (sin[i] * sum_x - cos[i] * sum_y)
-        columns[:, i - 1] = np.where(leg > i, moved, np.where(leg == i, own, 0.0))
-    columns[:, n_head : n_head + 2 * k_sources : 2] = by_x.T
-    columns[:, n_head + 1 : n_head + 2 * k_sources : 2] = by_yy.T
-    columns[:, n_head + 2 * k_sources : n_head + 3 * k_sources] = g.T
-    index = n_head + 3 * k_sources
-    by_c = (g * (r2 - 1.0)).sum(axis=0)
-    for slope in free:
-        columns[:, index] = by_c * slope
+        turned = prob.length[i] * (sin[i] * sum_x - cos[i] * sum_y)
+        columns[:, i - 1] = np.where(leg > i, turned, np.where(leg == i, own, 0.0))
+    columns[:, first : first + 2 * k_sources : 2] = by_sx.T
+    columns[:, first + 1 : first + 2 * k_sources : 2] = by_sy.T
+    columns[:, first + 2 * k_sources : first + 3 * k_sources] = g.T
+    index = first + 3 * k_sources
+    by_log_c = (g * (terms.r2 - 1.0)).sum(axis=0)
+    for slope in terms.by_medium:
+        columns[:, index] = by_log_c * slope
         index += 1
     if prob.ambient is None:
         columns[:, index] = 1.0
-    residual = g.sum(axis=0) + state.ambient - prob.y
-    return _with_priors(prob, state, residual, columns)
+    prior, prior_columns = _prior_rows(prob, state)
+    residual = np.concatenate([g.sum(axis=0) + state.ambient - prob.y, prior])
+    return residual, np.vstack([columns, prior_columns])
 
 
-def _with_priors(prob: Problem, state: State, residual: Array, columns: Array) -> tuple[Array, Array]:
-    """Add the residual rows of priors, in the readings' noise units (the caller scales their standard deviations)."""
+def _prior_rows(prob: Problem, state: State) -> tuple[Array, Array]:
+    """Residual rows of the priors and their Jacobian (rows, P)."""
     n_legs, k_sources = prob.length.size, state.log_amplitude.size
+    n_par = len(parameter_names(prob, k_sources))
+    off: list[Array] = [np.empty(0)]
+    slopes: list[Array] = [np.empty((0, n_par))]
     if prob.peak_prior is not None:
         peak, sd = prob.peak_prior
         excess = state.log_amplitude - np.log(np.pi * peak) - state.log_spread2
         beyond = (excess > 0.0) / sd
-        rows = np.zeros((k_sources, columns.shape[1]))
+        rows = np.zeros((k_sources, n_par))
         first = n_legs - 1 + 2 * k_sources
         rows[:, first : first + k_sources] = np.diag(beyond)
         if prob.evolution != "fixed":  # its first free parameter is ln C, or moves it one to one
             rows[:, first + k_sources] = -beyond
-        columns = np.vstack([columns, rows])
-        residual = np.concatenate([residual, excess * beyond])
+        off.append(excess * beyond)
+        slopes.append(rows)
     if prob.heading_prior is not None:
         heading, sd = prob.heading_prior
-        off = state.theta + state.turn - heading
-        off = (off + np.pi) % (2.0 * np.pi) - np.pi
-        rows = np.zeros((n_legs, columns.shape[1] + 1))
+        turned = state.theta + state.turn - heading
+        rows = np.zeros((n_legs, n_par))
         rows[1:, : n_legs - 1] = np.eye(n_legs - 1)
         rows[:, -1] = 1.0
-        columns = np.vstack([np.hstack([columns, np.zeros((len(columns), 1))]), rows / sd])
-        residual = np.concatenate([residual, off / sd])
+        off.append(((turned + np.pi) % (2.0 * np.pi) - np.pi) / sd)
+        slopes.append(rows / sd)
     if prob.closed_sd_m is not None:
-        end = vertices(state.theta, prob.length)[-1]
-        rows = np.zeros((2, columns.shape[1]))
+        rows = np.zeros((2, n_par))
         rows[0, : n_legs - 1] = -prob.length[1:] * np.sin(state.theta[1:])
         rows[1, : n_legs - 1] = prob.length[1:] * np.cos(state.theta[1:])
-        columns = np.vstack([columns, rows / prob.closed_sd_m])
-        residual = np.concatenate([residual, end / prob.closed_sd_m])
-    return residual, columns
+        off.append(vertices(state.theta, prob.length)[-1] / prob.closed_sd_m)
+        slopes.append(rows / prob.closed_sd_m)
+    return np.concatenate(off), np.vstack(slopes)
 
 
 def moved(prob: Problem, state: State, step: Array) -> State:
@@ -253,33 +283,52 @@ def moved(prob: Problem, state: State, step: Array) -> State:
 
 
 def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit:
-    """Levenberg–Marquardt from `start`, with Marquardt's scaling, to where a step no longer lowers the cost."""
+    """Levenberg–Marquardt from `start`, with Marquardt's scaling, to where a step no longer lowers the cost.
+
+    A source that backs away from the path while it grows keeps α − d²/C: the cost's valleys are narrow and bent. Each
+    step therefore carries its second-order correction, from one more residual (geodesic acceleration; Transtrum and
+    Sethna, "Improvements to the Levenberg-Marquardt algorithm", arXiv:1201.5885).
+    """
     state = start
     residual, jacobian = evaluate(prob, state)
     cost = float(residual @ residual)
-    damping = 1e-4
+    damping = 1e-3
     converged = False
     for _ in range(iterations):
-        size = np.sqrt((jacobian**2).sum(axis=0))
-        size[size == 0.0] = 1.0
-        scaled = jacobian / size
-        normal = scaled.T @ scaled
-        gradient = scaled.T @ residual
-        step = np.linalg.lstsq(normal + damping * np.eye(size.size), -gradient, rcond=None)[0] / size
-        trial = moved(prob, state, step)
-        with np.errstate(over="ignore", invalid="ignore"):
-            residual_try, jacobian_try = evaluate(prob, trial)
-            cost_try = float(residual_try @ residual_try)
-        if np.isfinite(cost_try) and cost_try <= cost:
-            gain = cost - cost_try
-            state, residual, jacobian, cost = trial, residual_try, jacobian_try, cost_try
-            damping = max(damping * 0.1, 1e-12)
-            if gain <= CONVERGED_GAIN * cost / prob.y.size:
-                converged = True
-                break
-        else:
-            damping *= 10.0
-            if damping > 1e6:
-                converged = True
-                break
+        step = _accelerated_step(prob, state, residual, jacobian, damping)
+        trial = None if step is None else moved(prob, state, step)
+        if trial is not None:
+            with np.errstate(over="ignore", invalid="ignore"):
+                residual_try, jacobian_try = evaluate(prob, trial)
+                cost_try = float(residual_try @ residual_try)
+            if np.isfinite(cost_try) and cost_try <= cost:
+                gain = cost - cost_try
+                state, residual, jacobian, cost = trial, residual_try, jacobian_try, cost_try
+                damping = max(damping * 0.2, 1e-12)
+                if gain <= CONVERGED_GAIN * cost / prob.y.size:
+                    converged = True
+                    break
+                continue
+        damping *= 3.0
+        if damping > 1e8:
+            converged = True
+            break
     return Fit(state, residual[: prob.y.size], cost, jacobian, converged)
+
+
+def _accelerated_step(prob: Problem, state: State, residual: Array, jacobian: Array, damping: float) -> Array | None:
+    """Velocity and half its acceleration; None where the path bends too much for a step of this size."""
+    size = np.sqrt((jacobian**2).sum(axis=0))
+    size[size == 0.0] = 1.0
+    scaled = jacobian / size
+    factor = cho_factor(scaled.T @ scaled + damping * np.eye(size.size), check_finite=False)
+    velocity = cho_solve(factor, -(scaled.T @ residual), check_finite=False)
+    with np.errstate(over="ignore", invalid="ignore"):
+        ahead = residual_of(prob, moved(prob, state, PROBE * velocity / size))
+        bend = 2.0 / PROBE * ((ahead - residual) / PROBE - scaled @ velocity)
+    if not np.isfinite(bend).all():
+        return None
+    acceleration = cho_solve(factor, -(scaled.T @ bend), check_finite=False)
+    if 2.0 * np.linalg.norm(acceleration) > MOST_BEND * np.linalg.norm(velocity):
+        return None
+    return np.asarray((velocity + 0.5 * acceleration) / size)

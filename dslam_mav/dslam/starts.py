@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.beam import corners_by_energy, search_round
 from dslam_mav.dslam.compress import Compressed, Samples, compress
-from dslam_mav.dslam.joint import Problem, State, evaluate, fit, squared_spread
-from dslam_mav.dslam.modes import Modes, merge, misfit
+from dslam_mav.dslam.joint import Fit, Problem, State, fit, residual_of, squared_spread
+from dslam_mav.dslam.modes import Modes, merge, misfit, no_modes
 from dslam_mav.dslam.search import search
 
 Array = NDArray[np.float64]
@@ -22,7 +22,11 @@ Array = NDArray[np.float64]
 SMALLEST_SPREAD = 0.12  # of the longest leg: the range of √C tried when nothing is known of it
 OCTAVES = 7  # in C, upwards from there
 GROWTHS = (0.05, 0.4, 1.5)  # flight time over age tried when the age is unknown
-REFINED = 3  # modes refitted with C free to find where the search goes on
+HEATS = (5, 4, 3)  # how many values of C stay in the race after each round
+REFINED = 3  # modes of each refitted with C free to find where the search goes on
+REFINING_ITERATIONS = 25
+SEARCHES = 3  # at most, while C still moves
+SAME_LOG_SPREAD2 = 0.1
 MIN_FREEDOM = 0.1  # share of readings a noise estimate must rest on
 MAX_STARTS = 24
 
@@ -77,7 +81,7 @@ def states(prob: Problem, comp: Compressed, modes: Modes, log_spread2: float, lo
         state = State(theta.copy(), s * comp.scale, alpha + to_amplitude, log_spread2, log_age, prob.ambient or 0.0)
         if prob.ambient is None:
             bare = replace(prob, heading_prior=None, closed_sd_m=None, peak_prior=None)
-            state = replace(state, ambient=-float(evaluate(bare, state)[0].mean()))
+            state = replace(state, ambient=-float(residual_of(bare, state).mean()))
         out.append(state)
     return out
 
@@ -94,39 +98,59 @@ def _noise_from_smallest(prob: Problem, grid: list[tuple[float, float]]) -> floa
 
 
 def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
-    """All that the search finds, in the order of its cost."""
+    """All that the search finds, in the order of its cost, at the C that fits best."""
     grid = medium_grid(prob)
     sigma = _noise_from_smallest(prob, grid)
-    found: list[State] = []
-    at = grid[0]
+    at, fitted = grid[0], []
     if len(grid) > 1:
-        found, at = _over_grid(prob, k_sources, grid, sigma, rng)
-    comp = compressed(prob, *at, sigma)
-    modes = search(comp, k_sources, rng)
-    all_states = (states(prob, comp, modes, *at) + found)[:MAX_STARTS]
+        fitted = _race(prob, k_sources, grid, sigma, rng)
+        at = _medium_of(fitted[0].state) if fitted else grid[len(grid) // 2]
+    for _ in range(SEARCHES if len(grid) > 1 else 1):
+        comp = compressed(prob, *at, sigma)
+        modes = search(comp, k_sources, rng)
+        found = states(prob, comp, modes, *at)
+        if len(grid) == 1:
+            break
+        fitted = _refined(prob, [*found[:REFINED], *(f.state for f in fitted[:REFINED])])
+        before, at = at, _medium_of(fitted[0].state)
+        if abs(at[0] - before[0]) < SAME_LOG_SPREAD2:
+            break
     level = comp.sigma * float(np.sqrt(misfit(modes, comp, k_sources)))
+    all_states = [*found, *(f.state for f in fitted)][:MAX_STARTS]
     return Starts(tuple(all_states), level, (comp.energy_out, comp.dof_out), int(comp.rank.sum()), modes.rounds)
 
 
-def _over_grid(
+def _race(
     prob: Problem, k_sources: int, grid: list[tuple[float, float]], sigma: float | None, rng: np.random.Generator
-) -> tuple[list[State], tuple[float, float]]:
-    """One round at every C of the grid; the best few refitted with C free, and the C the best of them has."""
-    candidates: list[tuple[float, State]] = []
-    for at in grid:
-        comp = compressed(prob, *at, sigma)
-        modes = search_round(comp, k_sources, int(corners_by_energy(comp)[0]), rng)
-        if not len(modes):
-            continue
-        modes = merge(modes.take(np.arange(0)), modes, 25.0 * misfit(modes, comp, k_sources))
-        cost = modes.cost * comp.sigma**2 + comp.energy_out
-        here = states(prob, comp, modes.take(np.arange(min(2, len(modes)))), *at)
-        candidates += list(zip(cost.tolist(), here, strict=False))
-    candidates.sort(key=lambda pair: pair[0])
+) -> list[Fit]:
+    """One round at every C of the grid, more at the most promising; the best few answers fitted with C free."""
+    comps = [compressed(prob, *at, sigma) for at in grid]
+    found: list[Modes] = [no_modes(prob.length.size, k_sources) for _ in grid]
+    racing = list(range(len(grid)))
+    for heat, survivors in enumerate(HEATS):
+        for i in racing:
+            corners = corners_by_energy(comps[i])
+            more = search_round(comps[i], k_sources, int(corners[heat % corners.size]), rng)
+            found[i] = merge(found[i], more, np.inf)
+        racing = sorted((i for i in racing if len(found[i])), key=lambda i: _left_over(comps[i], found[i]))[:survivors]
+    candidates = []
+    for i in racing:
+        best = found[i].take(np.arange(min(REFINED, len(found[i]))))
+        candidates += states(prob, comps[i], best, *grid[i])
+    return _refined(prob, candidates)
+
+
+def _left_over(comp: Compressed, modes: Modes) -> float:
+    """The residual energy of the best mode, comparable between different C."""
+    return float(modes.cost.min()) * comp.sigma**2 + comp.energy_out
+
+
+def _refined(prob: Problem, candidates: list[State]) -> list[Fit]:
+    """The joint fit with C free from every candidate, best first, priors left out."""
     bare = replace(prob, heading_prior=None, closed_sd_m=None, peak_prior=None)
-    fits = [fit(bare, state, iterations=25) for _, state in candidates[:REFINED]]
-    fits.sort(key=lambda f: f.cost)
-    if not fits:
-        return [], grid[len(grid) // 2]
-    best = fits[0].state
-    return [f.state for f in fits], (best.log_spread2, best.log_age)
+    fits = [fit(bare, state, iterations=REFINING_ITERATIONS) for state in candidates]
+    return sorted((f for f in fits if np.isfinite(f.cost)), key=lambda f: f.cost)
+
+
+def _medium_of(state: State) -> tuple[float, float]:
+    return state.log_spread2, state.log_age

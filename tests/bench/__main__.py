@@ -11,11 +11,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from random_scenes import judge, random_case  # noqa: E402
+from random_scenes import judge, random_case
 
-from dslam_mav import Medium  # noqa: E402
-from dslam_mav.dslam.warm import warm_up  # noqa: E402
-from missions.patterns import star  # noqa: E402
+from dslam_mav import Medium
+from dslam_mav.dslam.warm import warm_up
+from missions.patterns import star
 
 KNOWN = Medium(spread_m=1.0, static=True)
 FREE = Medium(static=True, ambient=None)

@@ -162,7 +162,8 @@ def _damped_step(jtj: Array, jtr: Array, damping: float, chol: Array, step: Arra
         for j in range(i + 1):
             chol[i, j] = jtj[i, j]
         chol[i, i] = jtj[i, i] * (1.0 + damping) + 1e-12
-    return solve(chol, step, n_par)
+    solved: bool = solve(chol, step, n_par)
+    return solved
 
 
 @njit(**OPTIONS)

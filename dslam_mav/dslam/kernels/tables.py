@@ -43,7 +43,7 @@ class LegTables(NamedTuple):
 def sample(table: Array, y0: float, h: float, y: float, phi: Array, dphi: Array) -> None:
     """φ and φ' at y by cubic Hermite interpolation of one leg's table (G, 2, R); zero outside the table."""
     u = (y - y0) / h
-    g = int(math.floor(u))
+    g = int(math.floor(u))  # noqa: RUF046 - compiled, floor gives a float
     size = phi.shape[0]
     if g < 0 or g >= table.shape[0] - 1:
         for r in range(size):
