@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.errors import BadInputError
-from dslam_mav.legs import LegCollector
+from dslam_mav.legs import LegCollector, plan_headings_rad
 from dslam_mav.mission import Mission, leg_plan
-from dslam_mav.records import Array, Assumptions, Estimate, Flight, Path
+from dslam_mav.records import Array, Estimate, Flight, Path
 
 Estimator = Callable[[Flight], Estimate]
 
@@ -54,8 +55,7 @@ def _headings(assumptions: Assumptions, collector: LegCollector, mission: Missio
         return headings
     if mission is None:
         raise BadInputError("--heading plan: no plan is known; give one, or use --heading none")
-    plan = leg_plan(mission)
-    planned = dict(zip(zip(plan.sequence, plan.sequence[1:], strict=False), plan.headings_rad, strict=True))
+    planned = plan_headings_rad(mission)
     pairs = [(leg.start_seq, leg.end_seq) for leg in flown]
     missing = [pair for pair in pairs if pair not in planned]
     if missing:

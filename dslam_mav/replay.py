@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dslam_mav.errors import BadInputError
-from dslam_mav.leg_assembly import FlownLeg
-from dslam_mav.leg_distance import Distance
-from dslam_mav.legs import LegCollector
+from dslam_mav.legs import Distance, FlownLeg, LegCollector, PlanFacts
 from dslam_mav.log.reader import read_log
 from dslam_mav.mav.decode import READING_NAME, autopilot_system, decode, names_heard
 from dslam_mav.mav.frames import Frame, parse_frame
 from dslam_mav.mav.tlog import read_tlog
-from dslam_mav.plan_facts import PlanFacts
 from dslam_mav.records import Flight
 
 _MCAP_MAGIC = b"\x89MCAP"

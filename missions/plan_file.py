@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dslam_mav.errors import BadInputError
+from dslam_mav.files import write_whole
 from dslam_mav.mission import Mission, has_home_item
 from missions import plan_json, plan_wpl
 from missions.plan_fields import shown
@@ -75,19 +76,4 @@ def write_plan(path: str | os.PathLike[str], mission: Mission) -> None:
         data = plan_bytes(mission, target.suffix)
     except BadInputError as error:
         raise BadInputError(f"{target}: {error}") from None
-    try:
-        _replace(target, data)
-    except OSError as error:
-        raise BadInputError(f"{target}: cannot be written: {error.strerror}") from None
-
-
-def _replace(target: Path, data: bytes) -> None:
-    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with beside.open("wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(beside, target)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_whole(target, data, BadInputError)

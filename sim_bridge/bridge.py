@@ -21,7 +21,7 @@ from dslam_mav.mav import readings
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame
 from dslam_mav.mav.link import Link
 from dslam_mav.observations import Reading
-from sim_bridge.fields import Field
+from sim_bridge.fields.field import Field
 from sim_bridge.sampling import Sampler, Samples, Sampling
 
 _HEARTBEAT_S = 1.0

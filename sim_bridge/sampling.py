@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.errors import BadInputError
-from sim_bridge.fields import Array
+from sim_bridge.fields.field import Array
 
 TICK_S = 1e-3  # time_boot_ms
 _SAME = 1e-9  # of a step: what rounding may take

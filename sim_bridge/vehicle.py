@@ -16,13 +16,13 @@ from typing import Any, Self
 from dslam_mav.errors import BadInputError
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Encoder, Frame
 from dslam_mav.mission import Home
-from sim_bridge import commands
-from sim_bridge.autopilot import Autopilot
-from sim_bridge.endpoints import Endpoints, Peer
-from sim_bridge.flight import Outgoing
-from sim_bridge.mission_service import MissionService
-from sim_bridge.router import Router
-from sim_bridge.telemetry import HEARTBEAT, build
+from sim_bridge.loopback import commands
+from sim_bridge.loopback.autopilot import Autopilot
+from sim_bridge.loopback.endpoints import Endpoints, Peer
+from sim_bridge.loopback.flight import Outgoing
+from sim_bridge.loopback.mission_service import MissionService
+from sim_bridge.loopback.router import Router
+from sim_bridge.loopback.telemetry import HEARTBEAT, build
 
 DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 

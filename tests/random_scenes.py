@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav import Flight, Leg, Medium, estimate
-from dslam_mav.dslam import joint
+from dslam_mav.dslam import fit as fitting
+from dslam_mav.dslam import problem as posing
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.field import field, squared_spread_m2
 from dslam_mav.records import Estimate
@@ -143,11 +144,11 @@ def judge(case: Case, k_sources: int) -> Judged:
     )
 
 
-def truth_fit(case: Case) -> joint.Fit:
+def truth_fit(case: Case) -> fitting.Fit:
     """The joint fit started at the truth."""
-    prob = joint.problem(case.flight, case.medium)
+    prob = posing.problem(case.flight, case.medium)
     spread2 = prob.spread2 if prob.spread2 is not None else 1.0
-    start = joint.State(
+    start = posing.State(
         case.heading_rad - case.heading_rad[0],
         case.position_m,
         np.log(case.amplitude),
@@ -155,7 +156,7 @@ def truth_fit(case: Case) -> joint.Fit:
         float(np.log(prob.age_s)) if prob.age_s is not None else 0.0,
         case.ambient,
     )
-    return joint.fit(prob, start)
+    return fitting.fit(prob, start)
 
 
 def _matching(position: Array, truth: Array) -> list[int]:

@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 from flown import STAR, fly, pack, repack
 
-from dslam_mav.leg_distance import Distance
+from dslam_mav.legs import Distance, PlanFacts, plan_facts, plan_headings_rad
 from dslam_mav.mav.frames import Frame, messages
 from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.mission import Home, Mission, MissionItem, enu_to_e7
-from dslam_mav.plan_facts import PlanFacts, plan_facts, plan_headings_rad
 from dslam_mav.records import Flight
 from dslam_mav.replay import flight_from_frames
 

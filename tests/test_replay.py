@@ -11,10 +11,10 @@ import pytest
 from flown import fly
 
 from dslam_mav.errors import BadInputError
+from dslam_mav.legs import PlanFacts
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mav.frames import Frame
 from dslam_mav.mav.tlog import read_tlog
-from dslam_mav.plan_facts import PlanFacts
 from dslam_mav.replay import flight_from_log, read_flight
 
 FLIGHTS = Path(__file__).parents[2] / "shared" / "data" / "flights"

@@ -10,8 +10,9 @@ from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from typing import Any
 
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.errors import BadInputError
-from dslam_mav.records import Assumptions, Medium
+from dslam_mav.records import Medium
 
 PACKAGES = ("dslam-mav", "numpy", "scipy", "numba", "pymavlink", "mcap")
 

@@ -9,14 +9,12 @@ from dslam_mav.commands.background import background
 from dslam_mav.commands.readings import open_readings
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
-from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_GROUND
+from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_GROUND, SYSTEM_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission_transfer import download
+from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mission import Mission, leg_plan
 from missions.plan_file import read_plan
 from sim_bridge.bridge import Bridge
-
-GROUND_SYSTEM = 255
 
 
 def run(options: Namespace) -> int:
@@ -58,11 +56,11 @@ def run(options: Namespace) -> int:
 
 
 def _vehicle(options: Namespace) -> int:
-    with Link(options.connect, system=GROUND_SYSTEM, component=COMPONENT_GROUND) as ground:
+    with Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND) as ground:
         return wait_for_vehicle(ground, options.timeout)
 
 
 def _held(options: Namespace) -> tuple[int, Mission]:
-    with Link(options.connect, system=GROUND_SYSTEM, component=COMPONENT_GROUND) as ground:
+    with Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND) as ground:
         system = wait_for_vehicle(ground, options.timeout)
         return system, download(ground, system)

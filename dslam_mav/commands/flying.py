@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dslam_mav.assumed import estimator
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import configuration, in_words
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
@@ -22,20 +23,24 @@ from dslam_mav.commands.readings import Readings
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
 from dslam_mav.errors import DslamError, LinkError
-from dslam_mav.legs import LegCollector
+from dslam_mav.legs import LegCollector, plan_facts
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, COMPONENT_BRIDGE, COMPONENT_ESTIMATOR, COMPONENT_GROUND
+from dslam_mav.mav.frames import (
+    COMPONENT_AUTOPILOT,
+    COMPONENT_BRIDGE,
+    COMPONENT_ESTIMATOR,
+    COMPONENT_GROUND,
+    SYSTEM_GROUND,
+)
 from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission_transfer import start, upload
+from dslam_mav.mav.mission.transfer import start, upload
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
-from dslam_mav.plan_facts import plan_facts
-from dslam_mav.records import Assumptions, Truth
+from dslam_mav.records import Truth
 from missions.plan_file import plan_bytes
 from sim_bridge.bridge import Bridge
 from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 
-GROUND_SYSTEM = 255
 ARMING_PATIENCE_S = 60.0
 ESTIMATE_PATIENCE_S = 120.0
 """How long the last estimate may take once the flight is over or interrupted; a second Ctrl-C ends it at once."""
@@ -67,7 +72,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
     """One flight, logged in `folder`. What ends it early once it has begun is in the outcome, not raised."""
     with ExitStack() as stack:
         url = options.connect or stack.enter_context(_loopback(options, setup.mission))
-        ground = stack.enter_context(Link(url, system=GROUND_SYSTEM, component=COMPONENT_GROUND))
+        ground = stack.enter_context(Link(url, system=SYSTEM_GROUND, component=COMPONENT_GROUND))
         system = wait_for_vehicle(ground, options.timeout)
         held = _upload(ground, system, setup, screen)
         legs = leg_plan(held)

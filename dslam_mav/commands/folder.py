@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -52,20 +51,3 @@ def point_latest(folder: Path) -> None:
         temporary.replace(latest)
     except OSError:
         return  # a file system without links: the log itself matters more
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file whole or not at all; LogError where it cannot be written."""
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as file:
-            file.write(text)
-        try:
-            os.chmod(file.name, 0o644)  # temporary files are made private
-            os.replace(file.name, path)
-        except OSError:
-            os.unlink(file.name)
-            raise
-    except OSError as problem:
-        raise LogError(f"{path}: cannot be written: {problem.strerror}") from None

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dslam_mav.assumed import estimator
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import assumptions_from, in_words, recorded_assumptions
 from dslam_mav.commands.outcome import Outcome
 from dslam_mav.errors import BadInputError
+from dslam_mav.legs import plan_facts
 from dslam_mav.log.reader import FlightLog, read_log
 from dslam_mav.mission import Mission
-from dslam_mav.plan_facts import plan_facts
-from dslam_mav.records import Assumptions, Truth
+from dslam_mav.records import Truth
 from dslam_mav.replay import Replayed, flight_from_log
 from missions.plan_file import parse_plan, read_plan
 

@@ -8,24 +8,23 @@ from argparse import Namespace
 from pathlib import Path
 
 from dslam_mav.assumed import estimator
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import assumptions_from, configuration, in_words
 from dslam_mav.commands.background import Background, background
-from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S, GROUND_SYSTEM
+from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
 from dslam_mav.commands.logged import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT
 from dslam_mav.commands.outcome import Outcome, show
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
 from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError, DslamError
-from dslam_mav.legs import LegCollector
+from dslam_mav.legs import LegCollector, plan_facts
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mav.frames import COMPONENT_ESTIMATOR, COMPONENT_GROUND
+from dslam_mav.mav.frames import COMPONENT_ESTIMATOR, COMPONENT_GROUND, SYSTEM_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission_transfer import download
+from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mission import Mission, leg_plan
-from dslam_mav.plan_facts import plan_facts
-from dslam_mav.records import Assumptions
 from missions.plan_file import plan_bytes, read_plan
 
 
@@ -96,7 +95,7 @@ def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Scree
 def _mission(options: Namespace) -> tuple[Mission, int]:
     """The mission and the vehicle's system: from `--plan`, or as the vehicle holds it."""
     given = read_plan(Path(options.plan)).mission if options.plan else None
-    with Link(options.connect, system=GROUND_SYSTEM, component=COMPONENT_GROUND) as ground:
+    with Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND) as ground:
         system = wait_for_vehicle(ground, options.timeout)
         mission = download(ground, system) if given is None else given
     where = options.plan or f"vehicle {system}'s mission"

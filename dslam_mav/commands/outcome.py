@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dslam_mav.commands.folder import write_whole
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import headline, summary, table
 from dslam_mav.dslam.scoring import has_positions
-from dslam_mav.errors import DslamError
+from dslam_mav.errors import DslamError, LogError
+from dslam_mav.files import write_whole
 from dslam_mav.records import Estimate, Flight, Truth
 from dslam_mav.report.data import ReportData
 from dslam_mav.report.page import render
@@ -45,7 +45,8 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
     if outcome.stopped is not None:
         warnings = (f"the flight ended early: {outcome.stopped or 'it was interrupted'}", *warnings)
     title = title_of(outcome.log)
-    write_whole(path, render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings)))
+    page = render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings))
+    write_whole(path, page.encode(), LogError)
     return replace(outcome, report=path)
 
 

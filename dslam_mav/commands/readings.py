@@ -11,12 +11,12 @@ import numpy as np
 from dslam_mav.errors import BadInputError
 from dslam_mav.records import Array, Medium, Truth
 from missions.patterns import pattern
-from sim_bridge.demonstration import RecordedDemo, recorded_demo
-from sim_bridge.fields import Field
-from sim_bridge.frame_stack import FrameStack
-from sim_bridge.recorded import LoggedField, read_series
+from sim_bridge.fields.demonstration import RecordedDemo, recorded_demo
+from sim_bridge.fields.field import Field
+from sim_bridge.fields.frame_stack import FrameStack
+from sim_bridge.fields.recorded import LoggedField, read_series
+from sim_bridge.fields.scene import SceneField, encode_scene, read_scene, truth
 from sim_bridge.sampling import Sampling
-from sim_bridge.scene import SceneField, encode_scene, read_scene, truth
 
 DEFAULT_SCENE = Path(__file__).parents[2] / "sim_bridge" / "scenes" / "star7_three_sources.json"
 LEG_SPREADS = 2.6  # legs of the mission flown over a recording

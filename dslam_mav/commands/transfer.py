@@ -6,13 +6,12 @@ from argparse import Namespace
 from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
-from dslam_mav.mav.frames import COMPONENT_GROUND
+from dslam_mav.mav.frames import COMPONENT_GROUND, SYSTEM_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission_transfer import clear, download, start, upload
+from dslam_mav.mav.mission.transfer import clear, download, start, upload
 from dslam_mav.mission import leg_plan
 from missions.plan_file import read_plan, write_plan
 
-GROUND_SYSTEM = 255
 ARMING_PATIENCE_S = 60.0
 
 
@@ -76,4 +75,4 @@ def run_clear(options: Namespace) -> int:
 
 
 def _ground(options: Namespace) -> Link:
-    return Link(options.connect, system=GROUND_SYSTEM, component=COMPONENT_GROUND)
+    return Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND)

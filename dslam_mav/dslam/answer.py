@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam import bound, certify, joint
+from dslam_mav.dslam import bound, certify
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.certify import Noise
-from dslam_mav.dslam.joint import Fit, Problem, State
+from dslam_mav.dslam.fit import Fit
+from dslam_mav.dslam.joint import evaluate
+from dslam_mav.dslam.priors import Priors
+from dslam_mav.dslam.problem import Problem, State, parameter_names, vertices
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
 
 Array = NDArray[np.float64]
@@ -39,27 +42,28 @@ def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, re
     )
 
 
-def assemble(
-    flight: Flight,
-    medium: Medium,
-    prob: Problem,
-    span: float,
-    fits: list[Fit],
-    level: Noise,
-    freedom_inside: int,
-    heading_prior: tuple[Array, float] | None,
-) -> Estimate:
-    """The best fit as an Estimate with the others as its alternatives. `span` is the unit `prob` has readings in."""
-    estimates = [_one(flight, medium, prob, span, f, level, freedom_inside) for f in fits]
-    best = estimates[0]
-    alternatives = tuple(estimates[1:])
-    blocks = best.position_covariance_m2
-    verdict, reason = certify.verdict(level, blocks, best.spread_m, len(alternatives), fits[0].converged)
-    if heading_prior is not None:
-        best = _anchored(best, heading_prior, fits[0].state.turn)
-        alternatives = tuple(
-            _anchored(e, heading_prior, f.state.turn) for e, f in zip(alternatives, fits[1:], strict=True)
-        )
+@dataclass(frozen=True, slots=True, eq=False)
+class Answers:
+    """The distinct fits of a problem, best first, and what is needed to tell what they are worth.
+
+    `span` is the unit the problem has its readings in; `freedom_inside` the numbers the legs can carry at most.
+    """
+
+    problem: Problem
+    fits: tuple[Fit, ...]
+    level: Noise
+    freedom_inside: int
+    span: float
+    priors: Priors
+
+
+def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
+    """The best fit as an Estimate with the others as its alternatives."""
+    best, *others = [_one(flight, medium, answers, f) for f in answers.fits]
+    alternatives = tuple(others)
+    verdict, reason = certify.verdict(
+        answers.level, best.position_covariance_m2, best.spread_m, len(others), answers.fits[0].converged
+    )
     if verdict in (Verdict.NOT_CONVERGED, Verdict.NOT_IDENTIFIABLE):
         empty = nothing(flight, medium, len(best.sources), verdict, reason)
         return replace(
@@ -83,41 +87,38 @@ def _in_order(prob: Problem, f: Fit) -> tuple[State, Array]:
     state = f.state
     order = np.argsort(-state.log_amplitude, kind="stable")
     state = replace(state, s=state.s[order], log_amplitude=state.log_amplitude[order])
-    vertices = joint.vertices(state.theta, prob.length)
-    if to_canonical(vertices).mirrored:
+    if to_canonical(vertices(state.theta, prob.length)).mirrored:
         state = replace(state, theta=-state.theta, s=state.s * np.array([1.0, -1.0]))
     theta = (state.theta + np.pi) % (2.0 * np.pi) - np.pi
     state = replace(state, theta=theta)
-    return state, joint.evaluate(prob, state)[1]
+    return state, evaluate(prob, state)[1]
 
 
-def _one(
-    flight: Flight, medium: Medium, prob: Problem, span: float, f: Fit, level: Noise, freedom_inside: int
-) -> Estimate:
+def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
+    prob, level, span = answers.problem, answers.level, answers.span
     state, jacobian = _in_order(prob, f)
-    n_legs, k_sources = prob.length.size, len(state.s)
+    n_legs, k_sources, n = prob.length.size, len(state.s), prob.y.size
     info = bound.information(jacobian, level.variance)
-    names = joint.parameter_names(prob, k_sources)
+    names = parameter_names(prob, k_sources)
     covariance = info.covariance.copy()
     if "ambient" in names:
         i = names.index("ambient")
         covariance[i, :] *= span
         covariance[:, i] *= span
     cost = float(f.residual @ f.residual)
-    n = prob.y.size
     amplitude = np.exp(state.log_amplitude) * span
     spread2 = float(np.exp(state.log_spread2))
     fitted, activation = _fitted(flight, medium, prob, state, span)
     diagnostics: dict[str, Any] = {
-        "bic": _bic(cost, n, len(names), level, freedom_inside),
+        "bic": _bic(cost, n, len(names), level, answers.freedom_inside),
         "residual_inside_sd": float(np.sqrt(level.inside)) * span,
         "residual_outside_sd": float(np.sqrt(level.outside)) * span,
         "whiteness_p": level.p_value,
         "systematic_share": level.systematic_share,
     }
-    return Estimate(
+    estimate = Estimate(
         sources=Sources(state.s, amplitude, amplitude / (np.pi * spread2), np.full(k_sources, activation)),
-        path=Path(joint.vertices(state.theta, prob.length), state.theta),
+        path=Path(vertices(state.theta, prob.length), state.theta),
         medium=fitted,
         verdict=Verdict.IDENTIFIED,
         reason="",
@@ -132,6 +133,7 @@ def _one(
         unseen_directions=certify.unseen_in_words(info, names),
         diagnostics=diagnostics,
     )
+    return estimate if answers.priors.heading_rad is None else _anchored(estimate, answers.priors, state.turn)
 
 
 def _log_likelihood(cost: float, n: int, level: Noise, span: float) -> float:
@@ -174,20 +176,23 @@ def _fitted(flight: Flight, medium: Medium, prob: Problem, state: State, span: f
     return fitted, activation
 
 
-def _anchored(result: Estimate, heading_prior: tuple[Array, float], turn: float) -> Estimate:
-    """The answer turned (and mirrored, where the first turn is clockwise) into the frame of the heading prior."""
-    heading = np.asarray(heading_prior[0], dtype=np.float64)
-    sines = np.sin(np.diff(heading))
-    turns = sines[np.abs(sines) > 1e-3]
-    side = -1.0 if turns.size and turns[0] < 0.0 else 1.0
-    first = float(heading[0]) + side * turn
+def _anchored(result: Estimate, priors: Priors, turn: float) -> Estimate:
+    """The answer turned (and mirrored, where the first turn is clockwise) into the frame of the known headings.
+
+    What is not known of the turn itself adds to the positions' covariance.
+    """
+    assert priors.heading_rad is not None
+    side = priors.side
+    first = float(priors.heading_rad[0]) + side * turn
     cos, sin = np.cos(first), np.sin(first)
     rotation = np.array([[cos, -side * sin], [sin, side * cos]])
+    n_legs = result.path.heading_rad.size
+    covariance = bound.turned_blocks(result.parameter_covariance, n_legs, result.sources.position_m)
     return replace(
         result,
         sources=replace(result.sources, position_m=result.sources.position_m @ rotation.T),
         path=Path(result.path.vertices_m @ rotation.T, first + side * result.path.heading_rad),
-        position_covariance_m2=rotation @ result.position_covariance_m2 @ rotation.T,
+        position_covariance_m2=rotation @ covariance @ rotation.T,
         path_aligned_covariance_m2=rotation @ result.path_aligned_covariance_m2 @ rotation.T,
         gauge="anchored",
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.joint import vertices
+from dslam_mav.dslam.problem import vertices
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,17 @@ def source_blocks(covariance: Array, n_legs: int, k_sources: int) -> Array:
     blocks = [
         covariance[first + 2 * k : first + 2 * k + 2, first + 2 * k : first + 2 * k + 2] for k in range(k_sources)
     ]
+    return np.array(blocks)
+
+
+def turned_blocks(covariance: Array, n_legs: int, s: Array) -> Array:
+    """(K, 2, 2) the same where the last parameter is a turn of everything about the origin."""
+    first, last = n_legs - 1, covariance.shape[0] - 1
+    blocks = []
+    for k, (x, y) in enumerate(s):
+        index = [first + 2 * k, first + 2 * k + 1, last]
+        moved = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
+        blocks.append(moved @ covariance[np.ix_(index, index)] @ moved.T)
     return np.array(blocks)
 
 

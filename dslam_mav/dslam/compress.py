@@ -54,7 +54,7 @@ class Compressed:
     dof_out: int
 
 
-def _curves(leg: Samples, centres: Array, reference2: float, centred: bool) -> tuple[Array, Array]:
+def curves(leg: Samples, centres: Array, reference2: float, centred: bool) -> tuple[Array, Array]:
     """e^{−(s−Y)²/C}·(C_ref/C) and its derivative in Y at every centre: two (N, G) arrays."""
     u = leg.distance[:, None] - centres[None, :]
     c = leg.spread2[:, None]
@@ -66,7 +66,7 @@ def _curves(leg: Samples, centres: Array, reference2: float, centred: bool) -> t
     return value, slope
 
 
-def _basis(curves: Array) -> Array:
+def basis_of(curves: Array) -> Array:
     """Orthonormal basis (N, R) of the span of the columns; by the Gram matrix when readings are many."""
     if curves.shape[0] <= 4 * curves.shape[1]:
         u, sizes, _ = np.linalg.svd(curves, full_matrices=False)
@@ -96,8 +96,8 @@ def compress(
     energy_out, dof_out, square = 0.0, 0, 0.0
     for leg in legs:
         coarse = nodes[:: round(BASIS_STEP_SPREADS / TABLE_STEP_SPREADS)]
-        basis = _basis(_curves(leg, coarse, reference2, ambient_unknown)[0])
-        value, slope = _curves(leg, nodes, reference2, ambient_unknown)
+        basis = basis_of(curves(leg, coarse, reference2, ambient_unknown)[0])
+        value, slope = curves(leg, nodes, reference2, ambient_unknown)
         reading = leg.reading - leg.reading.mean() if ambient_unknown else leg.reading
         z = basis.T @ reading
         left = reading - basis @ z

@@ -8,25 +8,34 @@ the arguments raises `ValueError`.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from dslam_mav.dslam import joint
-from dslam_mav.dslam.answer import assemble, nothing
+from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise, too_few
-from dslam_mav.dslam.joint import Fit, Problem
+from dslam_mav.dslam.fit import Fit, fit
+from dslam_mav.dslam.priors import CLOSED_SHARE, Priors, bounded, constrained, lone_starts
+from dslam_mav.dslam.problem import Problem, parameter_names, problem, vertices
 from dslam_mav.dslam.starts import Starts, starts
 from dslam_mav.records import Estimate, Flight, Medium, Verdict
 
 Array = NDArray[np.float64]
 
 MAX_SOURCES = 8
-PLAUSIBLE_PEAK = 3.0  # times the readings' range: a stronger source must have been kept a spread away from ...
-PEAK_LOG_SD = 0.8  # ... and the logarithm of what it has beyond costs by this standard deviation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Question:
+    """What was asked, but for the number of sources."""
+
+    flight: Flight
+    medium: Medium
+    priors: Priors
+    seed: int
 
 
 def estimate(
@@ -44,15 +53,17 @@ def estimate(
 
     `n_sources` None: found by BIC, at most `max_sources`. `closed_sd_m`: the path ends where it began, give or take
     this (for `flight.closed` the default is a thousandth of the path). `heading_prior`: headings (L,) in radians,
-    counter-clockwise from east, and their standard deviation; only their differences matter to the answer's shape.
-    `seed` makes the search repeatable bit for bit. Raises ValueError for impossible arguments.
+    counter-clockwise from east, and their standard deviation; the answer is then anchored to them, its first vertex
+    at (0, 0). `seed` makes the search repeatable bit for bit. Raises ValueError for impossible arguments.
     """
-    _check(flight, medium, n_sources, max_sources, method, heading_prior)
+    _check(flight, medium, method)
+    for name, value in (("n_sources", n_sources), ("max_sources", max_sources)):
+        if value is not None and not (isinstance(value, (int, np.integer)) and 1 <= value <= MAX_SOURCES):
+            raise ValueError(f"{name}: expected a whole number from 1 to {MAX_SOURCES}, got {value!r}")
+    question = _Question(flight, medium, _priors(flight, closed_sd_m, heading_prior), seed)
     # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
     with _threads().limit(limits=1, user_api="blas"):
-        if n_sources is not None:
-            return _with_k(flight, medium, n_sources, closed_sd_m, heading_prior, seed)
-        return _choose_k(flight, medium, max_sources, closed_sd_m, heading_prior, seed)
+        return _with_k(question, int(n_sources)) if n_sources is not None else _choose_k(question, max_sources)
 
 
 @cache
@@ -60,19 +71,9 @@ def _threads() -> ThreadpoolController:
     return ThreadpoolController()  # type: ignore[no-untyped-call]
 
 
-def _check(
-    flight: Flight,
-    medium: Medium,
-    n_sources: int | None,
-    max_sources: int,
-    method: str,
-    heading_prior: tuple[Array, float] | None,
-) -> None:
+def _check(flight: Flight, medium: Medium, method: str) -> None:
     if method != "joint":
         raise ValueError(f'method: expected "joint", got {method!r}')
-    for name, value in (("n_sources", n_sources), ("max_sources", max_sources)):
-        if value is not None and not (isinstance(value, (int, np.integer)) and 1 <= value <= MAX_SOURCES):
-            raise ValueError(f"{name}: expected a whole number from 1 to {MAX_SOURCES}, got {value!r}")
     if not flight.legs:
         raise ValueError("flight: expected at least one leg")
     if medium.dimensions != 2:
@@ -83,44 +84,46 @@ def _check(
     tau = medium.activation_s
     if isinstance(tau, (int, float)) and tau >= first:
         raise ValueError(f"medium.activation_s: expected a time before the first reading at {first} s, got {tau}")
-    if heading_prior is not None:
-        heading, sd = np.asarray(heading_prior[0], dtype=np.float64), heading_prior[1]
-        if heading.shape != (len(flight.legs),) or not np.isfinite(heading).all():
-            raise ValueError(f"heading_prior: expected {len(flight.legs)} finite headings, got shape {heading.shape}")
-        if not (np.isfinite(sd) and sd > 0.0):
-            raise ValueError(f"heading_prior: expected a positive standard deviation, got {sd}")
 
 
-def _with_k(
-    flight: Flight,
-    medium: Medium,
-    k_sources: int,
-    closed_sd_m: float | None,
-    heading_prior: tuple[Array, float] | None,
-    seed: int,
-) -> Estimate:
+def _priors(flight: Flight, closed_sd_m: float | None, heading_prior: tuple[Array, float] | None) -> Priors:
+    if closed_sd_m is not None and not (np.isfinite(closed_sd_m) and closed_sd_m > 0.0):
+        raise ValueError(f"closed_sd_m: expected a positive standard deviation, got {closed_sd_m}")
+    if closed_sd_m is None and flight.closed:
+        closed_sd_m = CLOSED_SHARE * float(flight.lengths_m.sum())
+    if heading_prior is None:
+        return Priors(closed_sd_m=closed_sd_m)
+    heading, sd = np.array(heading_prior[0], dtype=np.float64), float(heading_prior[1])
+    if heading.shape != (len(flight.legs),) or not np.isfinite(heading).all():
+        raise ValueError(f"heading_prior: expected {len(flight.legs)} finite headings, got shape {heading.shape}")
+    if not (np.isfinite(sd) and sd > 0.0):
+        raise ValueError(f"heading_prior: expected a positive standard deviation, got {sd}")
+    return Priors(heading, sd, closed_sd_m)
+
+
+def _with_k(question: _Question, k_sources: int) -> Estimate:
     """The estimate for a given number of sources."""
+    flight, medium = question.flight, question.medium
     if not flight.n_readings:
         return nothing(flight, medium, k_sources, Verdict.TOO_FEW_DATA, "No reading lies on any leg.")
-    prob = joint.problem(flight, medium)
-    names = joint.parameter_names(prob, k_sources)
-    reason = too_few(flight, len(names), k_sources)
+    raw = problem(flight, medium)
+    n_parameters = len(parameter_names(raw, k_sources))
+    reason = too_few(flight, n_parameters, k_sources)
     if reason is not None:
         return nothing(flight, medium, k_sources, Verdict.TOO_FEW_DATA, reason)
-    span = float(np.ptp(prob.y))
-    if span <= 1e-12 * float(np.abs(prob.y).max()):
-        reason = (
-            f"All {prob.y.size} readings are the same ({prob.y[0]:g}): no source is in reach, or the sensor is stuck."
-        )
+    span = float(np.ptp(raw.y))
+    if span <= 1e-12 * float(np.abs(raw.y).max()):
+        reason = f"All {raw.y.size} readings are {raw.y[0]:g}: no source is in reach, or the sensor is stuck."
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
-    unit = _in_unit_range(prob, span)
-    begun = starts(unit, k_sources, np.random.default_rng(seed))
-    fits = _fits(unit, begun, k_sources, flight, closed_sd_m, heading_prior)
+    prob = _in_unit_range(raw, span)
+    rng = np.random.default_rng(question.seed)
+    begun = starts(prob, k_sources, rng)
+    prob, fits = _fits(prob, begun, question.priors, rng)
     if not fits:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
-    level = _level(unit, begun, fits[0], len(names))
-    modes = _distinct(unit, fits, level)
-    return assemble(flight, medium, unit, span, modes, level, begun.freedom_inside, heading_prior)
+    level = _level(prob, begun, fits[0], n_parameters)
+    answers = Answers(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, span, question.priors)
+    return assemble(flight, medium, answers)
 
 
 def _in_unit_range(prob: Problem, span: float) -> Problem:
@@ -129,54 +132,27 @@ def _in_unit_range(prob: Problem, span: float) -> Problem:
     return replace(prob, y=prob.y / span, ambient=ambient)
 
 
-def _fits(
-    prob: Problem,
-    begun: Starts,
-    k_sources: int,
-    flight: Flight,
-    closed_sd_m: float | None,
-    heading_prior: tuple[Array, float] | None,
-) -> list[Fit]:
-    """The joint fit from every start, best first; those that do not settle only where none does."""
-    bounded = replace(prob, peak_prior=(PLAUSIBLE_PEAK, PEAK_LOG_SD / begun.sigma))
-    fits = [joint.fit(bounded, state) for state in begun.states]
-    fits = [f for f in fits if np.isfinite(f.cost)]
-    fits.sort(key=lambda f: (not f.converged, f.cost))
-    if fits and (heading_prior is not None or flight.closed or closed_sd_m is not None):
-        fits = _with_priors(bounded, begun, fits, k_sources, flight, closed_sd_m, heading_prior)
-    return [f for f in fits if f.converged] or fits[:1]
+def _fits(prob: Problem, begun: Starts, priors: Priors, rng: np.random.Generator) -> tuple[Problem, list[Fit]]:
+    """The problem with all that is known, and its fits from every start, best first.
+
+    Those that do not settle count only where none does.
+    """
+    loose = bounded(prob, begun.sigma)
+    fits = _sorted([fit(loose, state) for state in begun.states])
+    if not fits or not priors.any:
+        return loose, [f for f in fits if f.converged] or fits[:1]
+    k_sources = len(fits[0].state.s)
+    sigma = float(np.sqrt(_level(prob, begun, fits[0], len(parameter_names(prob, k_sources))).variance))
+    tight = constrained(prob, priors, sigma)
+    again = [f.state for f in fits]
+    if k_sources == 1:
+        again += lone_starts(prob, priors, fits[0].state, rng)
+    fits = _sorted([fit(tight, state) for state in again])
+    return tight, [f for f in fits if f.converged] or fits[:1]
 
 
-def _with_priors(
-    prob: Problem,
-    begun: Starts,
-    fits: list[Fit],
-    k_sources: int,
-    flight: Flight,
-    closed_sd_m: float | None,
-    heading_prior: tuple[Array, float] | None,
-) -> list[Fit]:
-    """Every answer fitted again with the priors' rows, which weigh against the noise of the readings."""
-    n_par = len(joint.parameter_names(prob, k_sources))
-    sigma = _level(prob, begun, fits[0], n_par).variance ** 0.5
-    closed = None
-    if flight.closed or closed_sd_m is not None:
-        closed = (closed_sd_m if closed_sd_m is not None else 1e-3 * float(prob.length.sum())) / sigma
-    prior = None
-    if heading_prior is not None:
-        heading = np.asarray(heading_prior[0], dtype=np.float64)
-        prior = (prior_side(heading) * (heading - heading[0]), heading_prior[1] / sigma)
-    constrained = replace(prob, closed_sd_m=closed, heading_prior=prior)
-    fits = [joint.fit(constrained, f.state) for f in fits]
-    fits = [f for f in fits if np.isfinite(f.cost)]
-    return sorted(fits, key=lambda f: (not f.converged, f.cost))
-
-
-def prior_side(heading: Array) -> float:
-    """+1 where the first real turn of the headings is counter-clockwise, −1 where it is clockwise."""
-    sines = np.sin(np.diff(heading))
-    turns = sines[np.abs(sines) > 1e-3]
-    return -1.0 if turns.size and turns[0] < 0.0 else 1.0
+def _sorted(fits: list[Fit]) -> list[Fit]:
+    return sorted((f for f in fits if np.isfinite(f.cost)), key=lambda f: (not f.converged, f.cost))
 
 
 def _level(prob: Problem, begun: Starts, best: Fit, n_parameters: int) -> Noise:
@@ -198,26 +174,16 @@ def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:
 def _apart(prob: Problem, a: Fit, b: Fit) -> float:
     """The largest distance between the sources of two answers, whatever their order, or the corners of their paths."""
     nearest = np.linalg.norm(a.state.s[:, None] - b.state.s[None, :], axis=2).min(axis=1).max()
-    corners = joint.vertices(a.state.theta, prob.length) - joint.vertices(b.state.theta, prob.length)
+    corners = vertices(a.state.theta, prob.length) - vertices(b.state.theta, prob.length)
     return float(max(nearest, np.linalg.norm(corners, axis=1).max()))
 
 
-def _choose_k(
-    flight: Flight,
-    medium: Medium,
-    max_sources: int,
-    closed_sd_m: float | None,
-    heading_prior: tuple[Array, float] | None,
-    seed: int,
-) -> Estimate:
+def _choose_k(question: _Question, max_sources: int) -> Estimate:
     """K = 1, 2, … afresh, until the Bayesian information criterion first rises (theory, section 8)."""
-    best: Estimate | None = None
-    criterion = np.inf
-    for k_sources in range(1, max_sources + 1):
-        result = _with_k(flight, medium, k_sources, closed_sd_m, heading_prior, seed)
-        here = result.diagnostics.get("bic", np.inf)
-        if best is not None and not here < criterion:
+    best = _with_k(question, 1)
+    for k_sources in range(2, max_sources + 1):
+        result = _with_k(question, k_sources)
+        if not result.diagnostics.get("bic", np.inf) < best.diagnostics.get("bic", np.inf):
             break
-        best, criterion = result, here
-    assert best is not None
+        best = result
     return best

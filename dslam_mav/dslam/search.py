@@ -18,6 +18,7 @@ MAX_ROUNDS = 24
 QUIET_ROUNDS = 3
 MODE_WINDOW = 25.0  # keep modes whose χ² is within this of the best
 NEW_MODE_WINDOW = 12.0  # a new mode within this of the best is news
+CROWD = 16  # so many answers nearly as good are a continuum: more rounds would only go on finding more
 
 
 def search(comp: Compressed, k_sources: int, rng: np.random.Generator) -> Modes:
@@ -34,6 +35,8 @@ def search(comp: Compressed, k_sources: int, rng: np.random.Generator) -> Modes:
         unit = misfit(merge(before, more, np.inf), comp, k_sources)
         modes = merge(before, more, MODE_WINDOW * unit)
         quiet = quiet + 1 if len(before) and not _news(before, modes, unit) else 0
+        if _near(modes, unit) >= CROWD:
+            break
     return replace(modes, rounds=rounds)
 
 

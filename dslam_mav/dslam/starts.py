@@ -13,21 +13,22 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.beam import corners_by_energy, search_round
 from dslam_mav.dslam.compress import Compressed, Samples, compress
-from dslam_mav.dslam.joint import Fit, Problem, State, fit, residual_of, squared_spread
-from dslam_mav.dslam.modes import Modes, merge, misfit, no_modes
+from dslam_mav.dslam.fit import Fit, fit
+from dslam_mav.dslam.joint import residual_of
+from dslam_mav.dslam.modes import Modes, misfit
+from dslam_mav.dslam.problem import Problem, State, squared_spread
+from dslam_mav.dslam.scale import Scale, spread_scale
 from dslam_mav.dslam.search import search
 
 Array = NDArray[np.float64]
 
-SMALLEST_SPREAD = 0.12  # of the longest leg: the range of √C tried when nothing is known of it
-OCTAVES = 7  # in C, upwards from there
+SPREAD_GRID = (0.7, 1.4, 2.8, 5.6, 11.2)  # times the scale of the readings: C tried when nothing is known of it
 GROWTHS = (0.05, 0.4, 1.5)  # flight time over age tried when the age is unknown
-HEATS = (5, 4, 3)  # how many values of C stay in the race after each round
-REFINED = 3  # modes of each refitted with C free to find where the search goes on
-REFINING_ITERATIONS = 25
+RIVALS = (4, 3, 2)  # how many different C the best answers may lie at after each heat of the race
+REFINED = 2  # modes of each round fitted with C free
+REFINING_ITERATIONS = 12
 SEARCHES = 3  # at most, while C still moves
 SAME_LOG_SPREAD2 = 0.1
-MIN_FREEDOM = 0.1  # share of readings a noise estimate must rest on
 MAX_STARTS = 24
 
 
@@ -44,16 +45,15 @@ class Starts:
     rounds: int
 
 
-def medium_grid(prob: Problem) -> list[tuple[float, float]]:
+def medium_grid(prob: Problem, squared_spread_m2: float) -> list[tuple[float, float]]:
     """(ln C, ln age) at the first reading to begin from: one pair where both are known."""
-    age = np.log(prob.age_s) if prob.age_s is not None else 0.0
+    age = float(np.log(prob.age_s)) if prob.age_s is not None else 0.0
     if prob.evolution == "fixed":
         assert prob.spread2 is not None
-        return [(float(np.log(prob.spread2)), float(age))]
-    smallest = float(np.log((SMALLEST_SPREAD * prob.length.max()) ** 2))
-    logs = [smallest + i * float(np.log(2.0)) for i in range(OCTAVES)]
+        return [(float(np.log(prob.spread2)), age)]
+    logs = [float(np.log(squared_spread_m2 * factor)) for factor in SPREAD_GRID]
     if prob.evolution == "spread":
-        return [(c, float(age)) for c in logs]
+        return [(c, age) for c in logs]
     if prob.evolution == "age":
         assert prob.diffusivity is not None
         return [(c, c - float(np.log(4.0 * prob.diffusivity))) for c in logs]
@@ -61,16 +61,22 @@ def medium_grid(prob: Problem) -> list[tuple[float, float]]:
     return [(c, float(np.log(duration / growth))) for c in logs for growth in GROWTHS]
 
 
+def samples(prob: Problem, spread2: Array) -> list[Samples]:
+    """The legs' readings less what is known of the ambient level, with C at every reading (n,)."""
+    level = prob.ambient or 0.0
+    here = [prob.leg == j for j in range(prob.length.size)]
+    return [
+        Samples(float(length), prob.s[i], prob.y[i] - level, spread2[i])
+        for length, i in zip(prob.length, here, strict=True)
+    ]
+
+
 def compressed(prob: Problem, log_spread2: float, log_age: float, sigma: float | None) -> Compressed:
     """The legs compressed at one C(t)."""
     blank = State(np.zeros(prob.length.size), np.zeros((1, 2)), np.zeros(1), log_spread2, log_age, prob.ambient or 0.0)
     spread2, _ = squared_spread(prob, blank)
-    legs = []
-    for j, length in enumerate(prob.length):
-        here = prob.leg == j
-        legs.append(Samples(float(length), prob.s[here], prob.y[here] - (prob.ambient or 0.0), spread2[here]))
     reference2 = float(spread2.mean())
-    return compress(legs, reference2, ambient_unknown=prob.ambient is None, sigma=sigma)
+    return compress(samples(prob, spread2), reference2, ambient_unknown=prob.ambient is None, sigma=sigma)
 
 
 def states(prob: Problem, comp: Compressed, modes: Modes, log_spread2: float, log_age: float) -> list[State]:
@@ -86,21 +92,12 @@ def states(prob: Problem, comp: Compressed, modes: Modes, log_spread2: float, lo
     return out
 
 
-def _noise_from_smallest(prob: Problem, grid: list[tuple[float, float]]) -> float | None:
-    """The readings' noise from what the richest basis leaves over that still leaves enough to measure it."""
-    if len(grid) == 1:
-        return None
-    for log_spread2, log_age in grid:
-        comp = compressed(prob, log_spread2, log_age, None)
-        if comp.dof_out >= max(20.0, MIN_FREEDOM * prob.y.size):
-            return comp.sigma
-    return None
-
-
 def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     """All that the search finds, in the order of its cost, at the C that fits best."""
-    grid = medium_grid(prob)
-    sigma = _noise_from_smallest(prob, grid)
+    scale = Scale(1.0, None)
+    if prob.evolution != "fixed":
+        scale = spread_scale(samples(prob, np.ones(prob.y.size)), prob.ambient is None)
+    grid, sigma = medium_grid(prob, scale.squared_spread), scale.sigma
     at, fitted = grid[0], []
     if len(grid) > 1:
         fitted = _race(prob, k_sources, grid, sigma, rng)
@@ -123,26 +120,28 @@ def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
 def _race(
     prob: Problem, k_sources: int, grid: list[tuple[float, float]], sigma: float | None, rng: np.random.Generator
 ) -> list[Fit]:
-    """One round at every C of the grid, more at the most promising; the best few answers fitted with C free."""
-    comps = [compressed(prob, *at, sigma) for at in grid]
-    found: list[Modes] = [no_modes(prob.length.size, k_sources) for _ in grid]
-    racing = list(range(len(grid)))
-    for heat, survivors in enumerate(HEATS):
-        for i in racing:
-            corners = corners_by_energy(comps[i])
-            more = search_round(comps[i], k_sources, int(corners[heat % corners.size]), rng)
-            found[i] = merge(found[i], more, np.inf)
-        racing = sorted((i for i in racing if len(found[i])), key=lambda i: _left_over(comps[i], found[i]))[:survivors]
-    candidates = []
-    for i in racing:
-        best = found[i].take(np.arange(min(REFINED, len(found[i]))))
-        candidates += states(prob, comps[i], best, *grid[i])
-    return _refined(prob, candidates)
+    """Answers with C free, best first: a round at every C of the grid, then more at the C the best answers went to."""
+    pool: list[Fit] = []
+    places = grid
+    for heat, rivals in enumerate(RIVALS):
+        for at in places:
+            comp = compressed(prob, *at, sigma)
+            corners = corners_by_energy(comp)
+            more = search_round(comp, k_sources, int(corners[heat % corners.size]), rng)
+            best = more.take(np.arange(min(REFINED, len(more))))
+            pool += _refined(prob, states(prob, comp, best, *at))
+        pool.sort(key=lambda f: f.cost)
+        places = _different_media(pool)[:rivals]
+    return pool
 
 
-def _left_over(comp: Compressed, modes: Modes) -> float:
-    """The residual energy of the best mode, comparable between different C."""
-    return float(modes.cost.min()) * comp.sigma**2 + comp.energy_out
+def _different_media(fits: list[Fit]) -> list[tuple[float, float]]:
+    """The media the answers ended with, best first, those alike told once."""
+    media: list[tuple[float, float]] = []
+    for f in fits:
+        if all(abs(f.state.log_spread2 - other[0]) > SAME_LOG_SPREAD2 for other in media):
+            media.append(_medium_of(f.state))
+    return media
 
 
 def _refined(prob: Problem, candidates: list[State]) -> list[Fit]:

@@ -14,8 +14,6 @@ from typing import Any
 from dslam_mav.mav.frames import messages
 from dslam_mav.observations import Reading
 
-RELATIVE_ACCURACY = 2.0**-24
-MAX_READINGS_PER_S = 1000.0
 NAME_BYTES = 10
 
 # tools graph only these names (MAVProxy), and the wire cuts longer ones silently

@@ -64,10 +64,8 @@ def _packet(data: bytes, at: int) -> bytes | None:
     """The bytes of the packet that seems to start at `at`."""
     if at + 3 > len(data) or data[at] not in (_MARKER_V1, _MARKER_V2):
         return None
-    if data[at] == _MARKER_V1:
-        length = 8 + data[at + 1]
-    else:
-        length = 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
+    signature = 13 if data[at + 2] & 1 else 0
+    length = 8 + data[at + 1] if data[at] == _MARKER_V1 else 12 + data[at + 1] + signature
     return data[at : at + length] if at + length <= len(data) else None
 
 

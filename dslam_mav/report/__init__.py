@@ -2,6 +2,6 @@
 
 from dslam_mav.report.data import ReportData
 from dslam_mav.report.page import render
-from dslam_mav.report.table import result_json, result_lines, result_table
+from dslam_mav.report.table import result_json, result_table
 
-__all__ = ["ReportData", "render", "result_json", "result_lines", "result_table"]
+__all__ = ["ReportData", "render", "result_json", "result_table"]

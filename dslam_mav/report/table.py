@@ -1,4 +1,4 @@
-"""The result for the terminal and for scripts: a rich table, plain sentences, and the `--json` object."""
+"""The result for the terminal and for scripts: a rich table, and the `--json` object."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.scoring import Score, has_positions, score
+from dslam_mav.dslam.scoring import Score, score
 from dslam_mav.records import Estimate, Truth
-from dslam_mav.report.numbers import count, fixed, significant
 from dslam_mav.report.rows import axis_names, source_rows
 
 if TYPE_CHECKING:
@@ -38,25 +37,6 @@ def result_table(estimate: Estimate, truth: Truth | None) -> Table:
     return table
 
 
-def result_lines(estimate: Estimate, truth: Truth | None) -> list[str]:
-    """The same in plain sentences: the verdict, each source, the path and the fit."""
-    result = score(estimate, truth) if truth is not None else None
-    lines = [f"{estimate.verdict.name}: {estimate.verdict.sentence}"]
-    if estimate.reason and estimate.reason != estimate.verdict.sentence:
-        lines.append(estimate.reason)
-    lines += [f"Unseen: {direction}." for direction in estimate.unseen_directions]
-    if has_positions(estimate):
-        lines += _source_lines(estimate, result)
-        lines.append(_path_line(estimate, result))
-    if result is not None and truth is not None and not result.same_number:
-        lines.append(f"Truth has {count(len(truth.amplitude), 'source')}, not {len(estimate.sources)}.")
-    spread, noise = significant(estimate.spread_m), significant(estimate.noise_sd)
-    lines.append(f"Spread √C {spread} m at the first reading, noise sd {noise}.")
-    if estimate.alternatives:
-        lines.append(f"{count(len(estimate.alternatives), 'other solution')} within 2 Δ log-likelihood of 9.")
-    return lines
-
-
 def result_json(
     estimate: Estimate, truth: Truth | None, log: Path | str | None, report: Path | str | None
 ) -> dict[str, Any]:
@@ -78,29 +58,6 @@ def result_json(
         "log": None if log is None else str(log),
         "report": None if report is None else str(report),
     }
-
-
-def _source_lines(estimate: Estimate, result: Score | None) -> list[str]:
-    lines = []
-    for k, row in enumerate(source_rows(estimate, result)):
-        place = ", ".join(fixed(float(p), 2) for p in estimate.sources.position_m[k])
-        error = ""
-        if result is not None:
-            error = ", no truth to match" if result.matching[k] is None else f", error {row.error_m} m"
-        size = f"peak reading {row.peak}, amplitude {row.amplitude}"
-        lines.append(f"{row.name} at ({place}) m ± {row.sd_m} m, {size}{error}.")
-    return lines
-
-
-def _path_line(estimate: Estimate, result: Score | None) -> str:
-    legs = estimate.path.heading_rad.size
-    if result is None:
-        return f"Path of {count(legs, 'leg')}."
-    farthest = significant(float(result.vertex_error_m.max()), 2)
-    return (
-        f"Path of {count(legs, 'leg')}: error {significant(result.path_error_rms_m, 2)} m rms, "
-        f"farthest corner {farthest} m."
-    )
 
 
 def _solution_json(estimate: Estimate) -> dict[str, Any]:

@@ -12,8 +12,8 @@ import pytest
 from fakes import flying, mission
 
 from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission_compare import first_difference
-from dslam_mav.mav.mission_transfer import upload
+from dslam_mav.mav.mission.compare import first_difference
+from dslam_mav.mav.mission.transfer import upload
 from dslam_mav.mission import MissionItem
 
 mavsdk = pytest.importorskip("mavsdk.mavsdk", reason="needs the mavsdk package")

@@ -13,11 +13,10 @@ import pytest
 from flown import fly, heartbeat
 
 from dslam_mav.errors import LinkError
-from dslam_mav.legs import LegCollector
+from dslam_mav.legs import LegCollector, PlanFacts
 from dslam_mav.mav.frames import Frame, Parser, messages, parse_frame
 from dslam_mav.mav.link import Link
 from dslam_mav.mav.onboard import Onboard
-from dslam_mav.plan_facts import PlanFacts
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
 from dslam_mav.replay import flight_from_frames
 

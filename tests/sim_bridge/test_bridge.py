@@ -12,7 +12,7 @@ from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, COMPONENT_BRIDGE, Frame, m
 from dslam_mav.mav.link import Link
 from dslam_mav.mav.readings import from_message
 from sim_bridge.bridge import Bridge
-from sim_bridge.fields import Array
+from sim_bridge.fields.field import Array
 from sim_bridge.sampling import Sampling
 
 SYSTEM = 7

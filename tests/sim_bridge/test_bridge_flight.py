@@ -13,13 +13,13 @@ import pytest
 
 from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_GROUND, SYSTEM_GROUND, Frame
 from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission_start import start
-from dslam_mav.mav.mission_transfer import upload
+from dslam_mav.mav.mission.start import start
+from dslam_mav.mav.mission.transfer import upload
 from dslam_mav.mission import leg_plan
 from missions.plan import Profile, plan_mission
 from sim_bridge.bridge import Bridge
+from sim_bridge.fields.scene import Scene, SceneField, read_scene, simulate
 from sim_bridge.sampling import Sampling
-from sim_bridge.scene import Scene, SceneField, read_scene, simulate
 from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 
 DEMO = Path(__file__).parents[2] / "sim_bridge" / "scenes" / "star7_three_sources.json"

@@ -1,0 +1,38 @@
+"""What a person assumes of a flight before it is flown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from dslam_mav.records import Medium
+
+
+@dataclass(frozen=True, slots=True)
+class Assumptions:
+    """What the person assumes of a flight: recorded with every estimate so that replay repeats it.
+
+    None means: find it out. `heading_sd_rad` is how far a heading from compass or plan is trusted.
+    """
+
+    n_sources: int | None = None
+    diffusivity_m2_s: float | None = None
+    activation_s: float | None = None
+    spread_m: float | None = None
+    ambient: float | None = None
+    static: bool = True
+    closed: bool = False
+    heading: Literal["none", "vehicle", "plan"] = "none"
+    heading_sd_rad: float = 0.0873
+    distance: Literal["odometry", "speed", "plan"] | None = None
+    seed: int = 0
+
+    def medium(self) -> Medium:
+        """The medium these assumptions describe."""
+        return Medium(
+            diffusivity_m2_s=self.diffusivity_m2_s,
+            activation_s=self.activation_s,
+            spread_m=self.spread_m,
+            ambient=self.ambient,
+            static=self.static,
+        )

@@ -1,0 +1,172 @@
+"""What was collected on a flight -> the chain of its legs (pure).
+
+Readings taken while hovering at a corner stay: setting them aside made no answer on recorded flights better.
+The path is a chain: where a leg cannot be measured the chain breaks, and the part with most legs is the
+flight.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.legs.distance import Distance, Motion, Placed, place
+from dslam_mav.legs.plan import PlanFacts
+
+Array = NDArray[np.float64]
+
+MIN_READINGS = 8
+"""A leg with fewer readings at either end of the flight says nothing and is left out."""
+
+MIN_LENGTH_SHARE = 0.02
+MIN_LENGTH_M = 0.1
+"""Shorter legs (of the longest; or altogether) are take-offs and hovers: no legs, and no gap in the chain."""
+
+STRAIGHT_SHARE = 0.6
+"""A way over items nobody reported is a leg only if its ends are so far apart, as a share of the way."""
+
+AUTOPILOT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A mission item passed at `time_ms`, the `index`-th event; `run` changes when numbers start again."""
+
+    seq: int
+    time_ms: int
+    run: int
+    index: int
+
+
+@dataclass(slots=True)
+class Samples:
+    """What was heard, on the unwrapped clock in ms.
+
+    `readings` by (name, component), `odometry` as (events before it, ms, x, y, vx, vy), `speed` as (events
+    before it, ms, m/s), `yaw` as (ms, rad).
+    """
+
+    readings: dict[tuple[str, int], dict[int, float]] = field(default_factory=dict)
+    odometry: list[tuple[int, int, float, float, float, float]] = field(default_factory=list)
+    speed: list[tuple[int, int, float]] = field(default_factory=list)
+    yaw: list[tuple[int, float]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlownLeg:
+    """One leg as flown: readings `value` (N,) at `time_ms` (N,) int64, `distance_m` (N,) along it.
+
+    Times are the vehicle's, unwrapped; `zero_ms` is when the flight's first leg began.
+    """
+
+    start_seq: int
+    end_seq: int
+    start_ms: int
+    end_ms: int
+    length_m: float
+    distance_m: Array
+    time_ms: NDArray[np.int64]
+    value: Array
+    mode: Distance
+    zero_ms: int = 0
+
+
+def assemble(
+    events: Sequence[Event], samples: Samples, plan: PlanFacts | None, mode: Distance | None
+) -> tuple[tuple[FlownLeg, ...], Counter[str]]:
+    """The longest unbroken chain of legs, and what was set aside on the way to it."""
+    counts: Counter[str] = Counter()
+    time_ms, value = _readings(samples)
+    odometry = np.array(samples.odometry, dtype=np.float64).reshape(-1, 6)
+    speed = np.array(samples.speed, dtype=np.float64).reshape(-1, 3)
+    chains: list[list[FlownLeg]] = [[]]
+    for start, end in _ways(events, plan):
+        inside = slice(*np.searchsorted(time_ms, [start.time_ms, end.time_ms]))
+        planned_m = plan.length_m(start.seq, end.seq) if plan else None
+        if plan and planned_m is None:
+            placed = None
+        else:
+            motion = _motion(odometry, speed, start, end)
+            at_s = (time_ms[inside] - start.time_ms) / 1000.0
+            duration_s = (end.time_ms - start.time_ms) / 1000.0
+            placed = place(motion, duration_s, at_s, mode=mode, planned_m=planned_m)
+        if placed is None or (plan is None and not _straight(placed, start, end)):
+            counts["legs lost"] += 1
+            chains.append([])
+            continue
+        if chains[-1] and chains[-1][-1].end_ms != start.time_ms:
+            chains.append([])
+        chains[-1].append(
+            FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m,
+                     time_ms[inside], value[inside], placed.mode)
+        )  # fmt: skip
+    legs = _choose(chains, counts)
+    counts["readings used"] = sum(leg.value.size for leg in legs)
+    counts["readings outside legs"] = int(value.size) - counts["readings used"]
+    return legs, counts
+
+
+def _ways(events: Sequence[Event], plan: PlanFacts | None) -> Iterator[tuple[Event, Event]]:
+    """Every pair of items passed one after the other, vertices of the plan only if there is one."""
+    corners = [e for e in events if plan is None or e.seq in plan.vertices]
+    for start, end in pairwise(corners):
+        if start.run == end.run and end.time_ms > start.time_ms:
+            yield start, end
+
+
+def _motion(odometry: Array, speed: Array, start: Event, end: Event) -> Motion:
+    """The samples of one way: they came between its two events, and their own times say so too."""
+    o, s = (_between(samples, start, end) for samples in (odometry, speed))
+    o_s, s_s = (o[:, 1] - start.time_ms) / 1000.0, (s[:, 1] - start.time_ms) / 1000.0
+    return Motion(o_s, o[:, 2:4], o[:, 4:6], s_s, s[:, 2])
+
+
+def _between(samples: Array, start: Event, end: Event) -> Array:
+    arrived = (samples[:, 0] > start.index) & (samples[:, 0] <= end.index)
+    timely = (samples[:, 1] >= start.time_ms) & (samples[:, 1] <= end.time_ms)
+    own = samples[arrived & timely]
+    _, first = np.unique(own[:, 1], return_index=True)
+    return np.asarray(own[first])
+
+
+def _straight(placed: Placed, start: Event, end: Event) -> bool:
+    """Whether a way may be one leg: if no item lies between its ends, or else if it was flown straight."""
+    if end.seq == start.seq + 1 or placed.travelled_m is None:
+        return True
+    return placed.length_m >= STRAIGHT_SHARE * placed.travelled_m
+
+
+def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
+    """Times (N,) and values (N,) of all sensors, the mean where two have the same millisecond.
+
+    What an autopilot repeats of another component's readings is left out: PX4 stamps the copies anew.
+    """
+    senders: defaultdict[str, set[int]] = defaultdict(set)
+    for name, component in samples.readings:
+        senders[name].add(component)
+    values: defaultdict[int, list[float]] = defaultdict(list)
+    for (name, component), taken in sorted(samples.readings.items()):
+        if component != AUTOPILOT or senders[name] == {AUTOPILOT}:
+            for time_ms, value in taken.items():
+                values[time_ms].append(value)
+    times = sorted(values)
+    means = [sum(values[t]) / len(values[t]) for t in times]
+    return np.array(times, dtype=np.int64), np.array(means, dtype=np.float64)
+
+
+def _choose(chains: list[list[FlownLeg]], counts: Counter[str]) -> tuple[FlownLeg, ...]:
+    longest_m = max((leg.length_m for chain in chains for leg in chain), default=0.0)
+    least_m = max(MIN_LENGTH_M, MIN_LENGTH_SHARE * longest_m)
+    kept = [[leg for leg in chain if leg.length_m > least_m] for chain in chains]
+    counts["legs short"] = sum(map(len, chains)) - sum(map(len, kept))
+    chain = max(kept, key=lambda legs: sum(leg.value.size >= MIN_READINGS for leg in legs))
+    enough = [j for j, leg in enumerate(chain) if leg.value.size >= MIN_READINGS]
+    if not enough:
+        return ()
+    counts["legs with few readings"] = len(chain) - len(enough)
+    return tuple(replace(leg, zero_ms=chain[0].start_ms) for leg in chain[enough[0] : enough[-1] + 1])
