@@ -61,8 +61,6 @@ def _set_up(options: Namespace) -> Setup:
     assumptions = assumptions_from(options, medium=readings.medium)
     if options.sources is None and readings.n_sources is not None:
         assumptions = replace(assumptions, n_sources=readings.n_sources)
-    if options.frames and ":" in options.frames and not options.static:
-        assumptions = replace(assumptions, static=assumptions.spread_m is not None)
     return Setup(mission, readings, assumptions, name, notes)
 
 

@@ -73,7 +73,7 @@ def source_of_readings(parser: argparse.ArgumentParser) -> None:
         help="FIELD=NAME[*FACTOR],… with FIELD time_s, value, east_m or north_m: a CSV's columns (default "
         "time_s,value), or a tlog's message field, e.g. value=SCALED_PRESSURE2.temperature*0.01",
     )
-    group.add_argument("--frames", metavar="N|A:B", help="of a .npz: the frame held, or the film run (default: 2)")
+    group.add_argument("--frames", metavar="N|A:B", help="of a .npz: the frame held, or the film run (default: 0:4)")
     group.add_argument("--copies", metavar="K", type=COUNT, help="of a .npz: shifted copies added (default: 2)")
 
 

@@ -22,14 +22,14 @@ DEFAULT_SCENE = Path(__file__).parents[2] / "sim_bridge" / "scenes" / "star7_thr
 LEG_SPREADS = 2.6  # legs of the mission flown over a recording
 READINGS_PER_LEG = 64
 RECORDED_SPREAD_M = 10.0
-RECORDED_FRAMES = "2"
+RECORDED_LAST_FRAME = 4  # later ones of the shipped demonstration touch its edges
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
     """A field to read along a path, how it is sampled, and what is true of it (None: unknown).
 
-    `medium`: what a scene file says of the medium, for the estimator. `notes`: what a person must be told.
+    `medium`: what the estimator may be told of the medium. `notes`: what a person must be told.
     """
 
     field: Field
@@ -96,8 +96,10 @@ def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_
 
 def _from_frames(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
     stack = FrameStack.read(path)
-    first, last = _frames(options.frames or RECORDED_FRAMES, path)
-    copies = options.copies or options.sources or 2
+    first, last = 0, min(RECORDED_LAST_FRAME, len(stack.time_s) - 1)
+    if options.frames is not None:
+        first, last = _frames(options.frames, path)
+    copies = options.copies or (options.sources if isinstance(options.sources, int) else 2)
     leg_m = LEG_SPREADS * RECORDED_SPREAD_M
     vertices = pattern("star7", leg_m, centre_m=(0.0, 0.0)) if vertices_m is None else vertices_m
     speed = speed_m_s or 5.0
@@ -123,7 +125,7 @@ def _from_frames(path: Path, options: Namespace, vertices_m: Array | None, speed
         speed_m_s=speed,
         vertices_m=vertices,
         truth=demo.truth(vertices),
-        medium=None,
+        medium=Medium(ambient=None, static=first == last),
         name=path.name,
         n_sources=copies,
         notes=(_what_was_made(path, demo, copies, first, last),),
@@ -131,12 +133,12 @@ def _from_frames(path: Path, options: Namespace, vertices_m: Array | None, speed
 
 
 def _what_was_made(path: Path, demo: RecordedDemo, copies: int, first: int, last: int) -> str:
-    frames = f"frame {first}" if first == last else f"frames {first} to {last}, running during the flight"
+    frames = f"frame {first}" if first == last else f"frames {first} to {last} running during the flight"
     scale = demo.recorded_m_per_m
     lengths = f"1 m flown is {scale * 1e6:.3g} µm recorded" if np.isfinite(scale) else "no scale was recorded"
     return (
         f"{path.name}, {frames}: {copies} shifted copies added, lengths scaled so that √C is "
-        f"{demo.spread_m:g} m ({lengths}); truth is the centre fitted to the recording's own frame"
+        f"{demo.spread_m:g} m at the start ({lengths}); truth is the centre fitted to the recording's own frame"
     )
 
 
