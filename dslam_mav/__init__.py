@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dslam_mav.dslam.estimator import estimate
+    from dslam_mav.dslam.predict import bound
     from dslam_mav.log.reader import read_log
     from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
     from dslam_mav.replay import read_flight
@@ -26,12 +27,14 @@ __all__ = [
     "Sources",
     "Truth",
     "Verdict",
+    "bound",
     "estimate",
     "read_flight",
     "read_log",
 ]
 
 _HOMES = {
+    "bound": "dslam_mav.dslam.predict",
     "estimate": "dslam_mav.dslam.estimator",
     "read_flight": "dslam_mav.replay",
     "read_log": "dslam_mav.log.reader",

@@ -140,6 +140,11 @@ def _plan(commands: Commands[_Parser]) -> None:
     made.add_argument("--speed", metavar="M_S", type=POSITIVE, help="(default: 5)")
     made.add_argument("--hold", metavar="S", type=NOT_NEGATIVE, help="wait at each corner (default: 0)")
     made.add_argument("--seed", metavar="N", type=SEED, help="of the pattern random (default: 0)")
+    seen = parser.add_argument_group("predicted accuracy, over 200 layouts of sources")
+    seen.add_argument("--sources", metavar="K", type=shared.N_SOURCES, default=2, help="(default: 2)")
+    seen.add_argument("--spread", metavar="M", type=POSITIVE, help="√C (default: the longest leg over 3.2)")
+    seen.add_argument("--area", metavar="E,N", help="where they may be, metres (default: the path's extent)")
+    seen.add_argument("--snr", metavar="DB", type=shared.ANY, default=20.0, help="of the readings (default: 20)")
 
 
 def _transfer(commands: Commands[_Parser]) -> None:

@@ -30,7 +30,7 @@ class Information:
 def information(jacobian: Array, noise_variance: float) -> Information:
     """Invert JᵀJ/σ² through its scaled eigenvectors, so that a singular one gives huge variances, not garbage."""
     size = np.sqrt((jacobian**2).sum(axis=0))
-    scale = np.where(size > 0.0, size, 1.0)
+    scale = np.where(size > SINGULAR * size.max(), size, 1.0)
     values, vectors = np.linalg.eigh((jacobian / scale).T @ (jacobian / scale))
     blind = values <= SINGULAR * max(float(values[-1]), 1e-300)
     inverse = np.where(blind, UNSEEN_SD**2, noise_variance / np.where(blind, 1.0, values))

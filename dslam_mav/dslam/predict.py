@@ -1,0 +1,219 @@
+"""Before take-off: how well a mission will see (theory, section 9). The bound at one layout, and over many.
+
+The information matrix needs no readings, only the path, the sources and the noise. It is local: it cannot see that a
+second answer may fit as well, and is therefore a lower bound of what a flight will give.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dslam_mav.dslam.bound import information, path_aligned, source_blocks
+from dslam_mav.dslam.joint import evaluate
+from dslam_mav.dslam.problem import Problem, State, parameter_names, problem
+from dslam_mav.records import Flight, Leg, Medium, Sources
+
+Array = NDArray[np.float64]
+
+UNIDENTIFIED_SPREADS = 2.0  # of √C: a source less sure than this is not identified
+LAYOUTS = 200
+APART_SPREADS = 0.8
+AMPLITUDE_RATIO = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bound:
+    """The Cramér–Rao bound of a flight: `position_covariance_m2` (K, 2, 2) relative to the first leg, `aligned_…` to
+    the whole path, `heading_sd_rad` (L,), and whether every source's place is bounded to two spreads.
+    """
+
+    position_covariance_m2: Array
+    aligned_covariance_m2: Array
+    heading_sd_rad: Array
+    vertex_sd_m: Array
+    identifiable: bool
+
+
+def bound(
+    vertices_m: ArrayLike,
+    sources: Sources,
+    medium: Medium,
+    *,
+    readings_per_leg: int,
+    speed_m_s: float,
+    noise_sd: float,
+    heading_sd_rad: float | None = None,
+    length_sd_m: float = 0.0,
+    closed: bool = False,
+) -> Bound:
+    """The best any estimator can do on the path `vertices_m` (L+1, 2) over `sources`, in the path's own frame.
+
+    What is None in `medium` counts as unknown; its true value is taken from the sources' peak readings. ValueError
+    names an argument that cannot be.
+    """
+    path = np.asarray(vertices_m, dtype=np.float64)
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2:
+        raise ValueError(f"vertices_m: expected shape (2 or more, 2), got {path.shape}")
+    for name, value in (("readings_per_leg", readings_per_leg), ("speed_m_s", speed_m_s), ("noise_sd", noise_sd)):
+        if not value > 0:
+            raise ValueError(f"{name}: expected a positive number, got {value}")
+    step = np.diff(path, axis=0)
+    prob = _unread(step, medium, readings_per_leg, speed_m_s)
+    spread2 = float(sources.amplitude[0] / (np.pi * sources.peak_reading[0]))
+    if prob.spread2 is not None:
+        spread2 = prob.spread2
+    state = State(
+        theta=np.arctan2(step[:, 1], step[:, 0]),
+        s=sources.position_m - path[0],
+        log_amplitude=np.log(sources.amplitude),
+        log_spread2=float(np.log(spread2)),
+        log_age=float(np.log(_age(prob, sources, medium, spread2))),
+        ambient=medium.ambient or 0.0,
+    )
+    if heading_sd_rad is not None:
+        prob = replace(prob, heading_prior=(state.theta, heading_sd_rad / noise_sd))
+    if closed:
+        prob = replace(prob, closed_sd_m=1e-3 * float(prob.length.sum()) / noise_sd)
+    return _bound(prob, state, noise_sd, length_sd_m)
+
+
+def _unread(step: Array, medium: Medium, readings: int, speed_m_s: float) -> Problem:
+    """The problem of a flight whose readings are still to come."""
+    legs, start_s = [], 0.0
+    for length in np.linalg.norm(step, axis=1):
+        s = float(length) * np.arange(readings) / readings
+        legs.append(Leg(float(length), s, start_s + s / speed_m_s, np.zeros(readings)))
+        start_s += float(length) / speed_m_s
+    return problem(Flight(tuple(legs)), medium)
+
+
+def _age(prob: Problem, sources: Sources, medium: Medium, spread2: float) -> float:
+    if prob.age_s is not None:
+        return prob.age_s
+    if medium.diffusivity_m2_s is not None:
+        return spread2 / (4.0 * medium.diffusivity_m2_s)
+    activation = float(sources.activation_s[0])
+    return -activation if np.isfinite(activation) and activation < 0.0 else 1.0
+
+
+def _bound(prob: Problem, state: State, noise_sd: float, length_sd_m: float) -> Bound:
+    jacobian = evaluate(prob, state)[1]
+    n_legs, k_sources = prob.length.size, len(state.s)
+    n_par = len(parameter_names(prob, k_sources))
+    if length_sd_m > 0.0:
+        jacobian = _with_lengths(prob, state, jacobian, noise_sd / length_sd_m)
+    covariance = information(jacobian, noise_sd**2).covariance[:n_par, :n_par]
+    blocks = source_blocks(covariance, n_legs, k_sources)
+    moved = np.zeros((n_legs + 1, 2, n_par))
+    for i in range(1, n_legs):
+        moved[i + 1 :, 0, i - 1] = -prob.length[i] * np.sin(state.theta[i])
+        moved[i + 1 :, 1, i - 1] = prob.length[i] * np.cos(state.theta[i])
+    vertex = np.einsum("vap,pq,vaq->v", moved, covariance, moved)
+    heading = np.sqrt(np.maximum(np.diag(covariance)[: n_legs - 1], 0.0))
+    worst = float(np.sqrt(np.linalg.eigvalsh(blocks).max()))
+    return Bound(
+        position_covariance_m2=blocks,
+        aligned_covariance_m2=path_aligned(covariance, state.theta, prob.length, state.s),
+        heading_sd_rad=np.concatenate([[0.0], heading]),
+        vertex_sd_m=np.sqrt(np.maximum(vertex, 0.0)),
+        identifiable=worst < UNIDENTIFIED_SPREADS * float(np.exp(0.5 * state.log_spread2)),
+    )
+
+
+def _with_lengths(prob: Problem, state: State, jacobian: Array, weight: float) -> Array:
+    """Columns for uncertain leg lengths, and their prior rows: a longer leg moves all later ones along it."""
+    n = prob.y.size
+    first, k_sources = prob.length.size - 1, len(state.s)
+    by_x = jacobian[:n, first : first + 2 * k_sources : 2].sum(axis=1)
+    by_y = jacobian[:n, first + 1 : first + 2 * k_sources : 2].sum(axis=1)
+    columns = np.zeros((len(jacobian), prob.length.size))
+    for i in range(prob.length.size):
+        along = np.cos(state.theta[i]) * by_x + np.sin(state.theta[i]) * by_y
+        columns[:n, i] = np.where(prob.leg > i, -along, 0.0)
+    prior = np.hstack([np.zeros((prob.length.size, jacobian.shape[1])), weight * np.eye(prob.length.size)])
+    return np.vstack([np.hstack([jacobian, columns]), prior])
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What a mission can be expected to see, over random layouts: RMS errors in metres, median and 90 % (infinite where
+    the sources cannot be identified)."""
+
+    source_median_m: float
+    source_p90_m: float
+    aligned_median_m: float
+    path_median_m: float
+    path_p90_m: float
+    unidentifiable_share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Layouts:
+    """Where sources may be: K of them uniform in an area of `area_m` about `centre_m`, at least 0.8 √C apart.
+
+    Amplitudes lie within a factor four; the noise lies `snr_db` below a layout's mean squared reading.
+    """
+
+    k_sources: int
+    spread_m: float
+    area_m: tuple[float, float]
+    centre_m: tuple[float, float]
+    snr_db: float = 20.0
+
+
+def outlook(vertices_m: ArrayLike, medium: Medium, layouts: Layouts, rng: np.random.Generator) -> Outlook:
+    """The bound over `LAYOUTS` random layouts, 20 readings a spread."""
+    path = np.asarray(vertices_m, dtype=np.float64)
+    mean_leg = float(np.linalg.norm(np.diff(path, axis=0), axis=1).mean())
+    readings = max(8, min(400, round(20.0 * mean_leg / layouts.spread_m)))
+    rows = []
+    for _ in range(LAYOUTS):
+        sources = _random_sources(layouts, rng)
+        prob = _unread(np.diff(path, axis=0), medium, readings, 1.0)
+        here = bound(
+            path, sources, medium, readings_per_leg=readings, speed_m_s=1.0,
+            noise_sd=_noise(prob, path, sources, layouts),
+        )  # fmt: skip
+        errors = [
+            np.sqrt(np.trace(here.position_covariance_m2, axis1=1, axis2=2).mean()),
+            np.sqrt(np.trace(here.aligned_covariance_m2, axis1=1, axis2=2).mean()),
+            np.sqrt((here.vertex_sd_m**2).mean()),
+        ]
+        rows.append([*(errors if here.identifiable else [np.inf] * 3), not here.identifiable])
+    source, aligned, vertex, blind = np.array(rows, dtype=np.float64).T
+    return Outlook(
+        float(np.median(source)),
+        float(np.percentile(source, 90, method="higher")),
+        float(np.median(aligned)),
+        float(np.median(vertex)),
+        float(np.percentile(vertex, 90, method="higher")),
+        float(blind.mean()),
+    )
+
+
+def _random_sources(layouts: Layouts, rng: np.random.Generator) -> Sources:
+    k, half = layouts.k_sources, 0.5 * np.asarray(layouts.area_m)
+    apart = APART_SPREADS * layouts.spread_m
+    for _ in range(1000):
+        places = np.asarray(layouts.centre_m) + rng.uniform(-1.0, 1.0, (k, 2)) * half
+        gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + np.diag(np.full(k, np.inf))
+        if gaps.min() >= apart:
+            break
+    else:
+        east_m, north_m = layouts.area_m
+        raise ValueError(f"{k} sources {apart:.3g} m apart do not fit into {east_m:.3g} × {north_m:.3g} m")
+    peak = AMPLITUDE_RATIO ** (rng.random(k) - 0.5)
+    return Sources(places, peak * np.pi * layouts.spread_m**2, peak, np.full(k, np.nan))
+
+
+def _noise(prob: Problem, path: Array, sources: Sources, layouts: Layouts) -> float:
+    """The noise that lies `snr_db` below this layout's mean squared reading."""
+    step = np.diff(path, axis=0)
+    along = (step / np.linalg.norm(step, axis=1)[:, None])[prob.leg]
+    places = path[prob.leg] + prob.s[:, None] * along
+    distance2 = ((places[:, None] - sources.position_m[None]) ** 2).sum(axis=2)
+    reading = (sources.peak_reading * np.exp(-distance2 / layouts.spread_m**2)).sum(axis=1)
+    return float(np.sqrt(np.mean(reading**2) / 10.0 ** (layouts.snr_db / 10.0)))
