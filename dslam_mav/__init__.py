@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dslam_mav.dslam.estimator import estimate
     from dslam_mav.dslam.predict import bound
-    from dslam_mav.log.reader import read_log
+    from dslam_mav.flight_log import read_log
     from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
     from dslam_mav.replay import read_flight
 
@@ -37,7 +37,7 @@ _HOMES = {
     "bound": "dslam_mav.dslam.predict",
     "estimate": "dslam_mav.dslam.estimator",
     "read_flight": "dslam_mav.replay",
-    "read_log": "dslam_mav.log.reader",
+    "read_log": "dslam_mav.flight_log",
 }
 
 

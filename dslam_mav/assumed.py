@@ -10,43 +10,52 @@ import numpy as np
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.errors import BadInputError
-from dslam_mav.legs import LegCollector, plan_headings_rad
+from dslam_mav.legs import FlownLeg, LegCollector, plan_headings_rad
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Array, Estimate, Flight, Path
 
-Estimator = Callable[[Flight], Estimate]
+Estimator = Callable[[Flight, tuple[FlownLeg, ...]], Estimate]
+"""A flight, and the legs it was made of: one snapshot, so that headings and readings are of the same legs."""
+
+
+def visible_plan(assumptions: Assumptions, mission: Mission) -> Mission | None:
+    """What `estimator` may be given of the mission: nothing, unless a heading anchors the answer to it."""
+    return mission if assumptions.heading != "none" else None
 
 
 def estimator(assumptions: Assumptions, collector: LegCollector, mission: Mission | None) -> Estimator:
     """The function that live flight and replay call alike.
 
     With `heading` "none" it sees nothing but the flight. "vehicle" adds the legs' mean compass headings from the
-    collector, "plan" the planned directions; the answer is then anchored, at the plan's first vertex where one is
-    known. BadInputError: assumptions that contradict each other or the flight.
+    collector, "plan" the planned directions; the answer is then anchored, where the plan is known at its vertex at
+    which the legs begin. BadInputError: assumptions that contradict each other or the flight.
     """
     try:
         medium = assumptions.medium()
     except ValueError as problem:
         raise BadInputError(f"assumptions: {problem}") from None
 
-    def run(flight: Flight) -> Estimate:
+    def run(flight: Flight, legs: tuple[FlownLeg, ...]) -> Estimate:
         flown = replace(flight, closed=assumptions.closed)
         prior = None
         if assumptions.heading != "none":
-            prior = (_headings(assumptions, collector, mission, len(flight.legs)), assumptions.heading_sd_rad)
+            prior = (_headings(assumptions, collector, mission, legs), assumptions.heading_sd_rad)
         try:
             result = estimate(flown, medium, assumptions.n_sources, heading_prior=prior, seed=assumptions.seed)
         except ValueError as problem:
             raise BadInputError(f"assumptions: {problem}") from None
         if prior is None or mission is None:
             return result
-        return _moved(result, leg_plan(mission).vertices_m[0])
+        plan = leg_plan(mission)
+        start = legs[0].start_seq if legs else None
+        return _moved(result, plan.vertices_m[plan.sequence.index(start)]) if start in plan.sequence else result
 
     return run
 
 
-def _headings(assumptions: Assumptions, collector: LegCollector, mission: Mission | None, legs: int) -> Array:
-    flown = collector.legs(final=True)[:legs]
+def _headings(
+    assumptions: Assumptions, collector: LegCollector, mission: Mission | None, flown: tuple[FlownLeg, ...]
+) -> Array:
     if assumptions.heading == "vehicle":
         headings = collector.headings_rad(flown)
         if not np.isfinite(headings).all():

@@ -31,7 +31,7 @@ class Assumptions:
         """The medium these assumptions describe."""
         return Medium(
             diffusivity_m2_s=self.diffusivity_m2_s,
-            activation_s=self.activation_s,
+            activation_s="shared" if self.activation_s is None else self.activation_s,
             spread_m=self.spread_m,
             ambient=self.ambient,
             static=self.static,

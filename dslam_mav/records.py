@@ -103,7 +103,8 @@ class Medium:
     """What is known of the medium; None means: estimate it.
 
     `spread_m` is √C of a static field and stands for μ and τ. `static` holds the field still at the flight's first
-    reading. `activation_s`: a number for all sources, "shared" or None for one unknown common to all.
+    reading. `activation_s`: a number for all sources, or "shared" for one unknown common to all; None, which would
+    be one unknown per source, only where nothing but the spread is asked for.
     """
 
     diffusivity_m2_s: float | None = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dslam_mav.errors import BadInputError
-from dslam_mav.legs import Distance, FlownLeg, LegCollector, PlanFacts
+from dslam_mav.legs import Distance, FlownLeg, LegCollector, PlanFacts, flight_of
 from dslam_mav.log.reader import read_log
 from dslam_mav.mav.decode import READING_NAME, autopilot_system, decode, names_heard
 from dslam_mav.mav.frames import Frame, parse_frame
@@ -41,7 +41,7 @@ def flight_from_log(
 ) -> Replayed:
     """The flight in a flight log (.mcap) or a ground station's telemetry log (.tlog).
 
-    `system` None: the autopilot heard most. BadInputError, one line, says what the log lacks.
+    `system` None: the autopilot heard most, of those with readings. BadInputError, one line, says what the log lacks.
     """
     path = Path(path)
     return flight_from_frames(list(frames_of(path)), str(path), plan=plan, distance=distance, yaw=yaw, system=system)
@@ -67,8 +67,8 @@ def flight_from_frames(
             collector.add(observation)
     legs = collector.legs(final=True)
     if not legs:
-        raise BadInputError(f"{name}: {_lack(collector, frames)}")
-    return Replayed(collector.flight(final=True), legs, collector)
+        raise BadInputError(f"{name}: {_lack(collector, frames, system)}")
+    return Replayed(flight_of(legs), legs, collector)
 
 
 def frames_of(path: Path) -> Iterator[Frame]:
@@ -84,10 +84,10 @@ def frames_of(path: Path) -> Iterator[Frame]:
     return (frame for frame in stored if frame is not None)
 
 
-def _lack(collector: LegCollector, frames: Iterable[Frame]) -> str:
+def _lack(collector: LegCollector, frames: Iterable[Frame], system: int) -> str:
     """Why there is no leg, in words."""
     if not collector.names:
-        heard = ", ".join(names_heard(frames)) or "none"
+        heard = ", ".join(names_heard(frames, system)) or "none"
         return f"no {READING_NAME} readings; names of NAMED_VALUE_FLOAT heard: {heard}"
     if collector.last_event is None:
         return "no MISSION_ITEM_REACHED, nor MISSION_CURRENT going on: the legs cannot be told apart"

@@ -15,7 +15,10 @@ import numpy as np
 import pytest
 from flown import STAR, fly, pack, repack
 
+from dslam_mav.assumed import estimator
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.legs import Distance, PlanFacts, plan_facts, plan_headings_rad
+from dslam_mav.log.codec import encode_update
 from dslam_mav.mav.frames import Frame, messages
 from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.mission import Home, Mission, MissionItem, enu_to_e7
@@ -177,8 +180,7 @@ def test_any_turn_leg_by_leg_changes_no_more_than_float32_does(frames: list[Fram
     assert_same(flight_of(frames, distance="speed"), flight_of(other, distance="speed"), tolerance_m=2e-4)
 
 
-def mission(vertices_m: list[tuple[float, float]]) -> Mission:
-    home = Home(47.3, 8.5)
+def mission(vertices_m: list[tuple[float, float]], home: Home = Home(47.3, 8.5)) -> Mission:  # noqa: B008
     nan = math.nan
     takeoff = MissionItem(22, 3, (0.0, 0.0, 0.0, nan), 0, 0, 10.0)
     corners = [MissionItem(16, 3, (1.0, 0.0, 0.0, nan), *enu_to_e7(e, n, home), 10.0) for n, e in vertices_m]
@@ -199,12 +201,30 @@ def test_the_plans_directions_change_nothing():
     assert_same(a, b, tolerance_m=0.03)
 
 
-def test_plan_facts_are_lengths_and_the_sense_of_the_first_turn():
+@pytest.mark.parametrize("distance", [None, "plan"])
+def test_the_plans_directions_change_no_bit_of_the_answer(distance):
+    """Through everything that is given a mission: the collector its facts, the estimator the mission itself."""
+    home = Home(0.0, 0.0)  # where places turned by 180° are as far apart to the last bit
+    turned = [mission([(s * (n + 50.0), s * e) for n, e in STAR], home) for s in (1, -1)]
+    assert plan_facts(turned[0]) == plan_facts(turned[1])
+    headings = [plan_headings_rad(m)[(1, 2)] for m in turned]
+    assert abs(headings[0] - headings[1]) == pytest.approx(math.pi)
+    assumptions = Assumptions(n_sources=1, ambient=20.0, distance=distance)
+    bends = mission([(7.0 * k + 1.0, 3.0 * k * k) for k in range(len(STAR))], home)
+    answers = []
+    for other in (*turned, bends):
+        facts = plan_facts(other if other is not bends else turned[0])
+        flight = flight_from_frames(synthetic(), "test", system=1, plan=facts, distance=distance)
+        result = estimator(assumptions, flight.collector, other)(flight.flight, flight.legs)
+        answers.append(encode_update(result, len(flight.legs), True).SerializeToString(deterministic=True))
+    assert result.gauge == "canonical"
+    assert len(answers[0]) > 100
+    assert answers[0] == answers[1] == answers[2]
+
+
+def test_plan_facts_are_vertices_and_lengths():
     facts = plan_facts(mission(STAR))
     assert facts.lengths_m == pytest.approx(np.hypot(*np.diff(STAR, axis=0).T), abs=0.02)
-    assert facts.first_turn_left is False  # north-east, then to the right
-    assert plan_facts(mission([(-n, e) for n, e in STAR])).first_turn_left is True
-    assert plan_facts(mission([(0, 0), (10, 0), (20, 0)])).first_turn_left is None
-    assert set(PlanFacts.__slots__) == {"vertices", "lengths_m", "first_turn_left"}
+    assert set(PlanFacts.__slots__) == {"vertices", "lengths_m"}
     heading = plan_headings_rad(mission(STAR))[(1, 2)]
     assert heading == pytest.approx(math.atan2(30.0, 6.0), abs=1e-3)

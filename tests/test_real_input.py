@@ -41,7 +41,7 @@ def test_flights_of_real_firmware(flight, k_sources):
 
 def test_an_evolving_field_under_real_firmware():
     readings = read_flight(DATA / "flights" / "copter_flow_k2_evolving.tlog")
-    result = estimate(readings, Medium(diffusivity_m2_s=0.5, ambient=None), 2)
+    result = estimate(readings, Medium(diffusivity_m2_s=0.5, activation_s="shared", ambient=None), 2)
     truth = _truth("copter_flow_k2_evolving")
     places = to_canonical(truth.vertices_m).apply(truth.source_position_m)
     near = min(

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pymap3d
 import pytest
-from flown import fly
+from flown import fly, pack
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import PlanFacts
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mav.frames import Frame
+from dslam_mav.mav.frames import Frame, messages
 from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.replay import flight_from_log, read_flight
 
@@ -58,6 +58,15 @@ def test_what_a_log_lacks_is_said_in_one_line(tmp_path, dropped, wanted):
         flight_from_log(path)
     assert str(problem.value).startswith(f"{path}: {wanted}")
     assert "\n" not in str(problem.value)
+
+
+def test_names_of_another_vehicles_values_are_not_told(tmp_path):
+    frames = without(fly().frames, "NAMED_VALUE_FLOAT")
+    wire = messages().MAVLink_named_value_float_message(1, b"LUX", 1.0)
+    own = messages().MAVLink_named_value_float_message(1, b"TEMP", 1.0)
+    path = tlog(tmp_path / "poor.tlog", [*frames, pack(wire, 10**12, system=9), pack(own, 10**12)])
+    with pytest.raises(BadInputError, match=r"heard: TEMP$"):
+        flight_from_log(path)
 
 
 def test_readings_that_are_all_nan_are_said_to_be(tmp_path):

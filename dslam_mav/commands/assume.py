@@ -6,7 +6,7 @@ import json
 import math
 import platform
 from argparse import Namespace
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -54,23 +54,36 @@ def assumptions_from(
     return replace(start, **given)
 
 
-def configuration(assumptions: Assumptions, command: str) -> bytes:
-    """The configuration a log carries: assumptions, command and versions."""
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What a log's configuration says: `vehicle_system` flew (None: unknown), its item 0 being home or not."""
+
+    assumptions: Assumptions
+    vehicle_system: int | None = None
+    home_item: bool = True
+
+
+def configuration(recorded: Recorded, command: str) -> bytes:
+    """The configuration a log carries: assumptions, the vehicle, command and versions."""
     versions = {name: version(name) for name in PACKAGES}
     versions["python"] = platform.python_version()
-    body = {"assumptions": asdict(assumptions), "command": command, "versions": versions}
+    body = {**asdict(recorded), "command": command, "versions": versions}
     return json.dumps(body, indent=2).encode()
 
 
-def recorded_assumptions(attachment: bytes, name: str) -> Assumptions:
-    """The assumptions a log was recorded with."""
+def recorded_configuration(attachment: bytes, name: str) -> Recorded:
+    """What a log was recorded with; BadInputError names what cannot be read."""
     try:
-        given = json.loads(attachment)["assumptions"]
+        body = json.loads(attachment)
+        given = body["assumptions"]
         known = {field.name for field in fields(Assumptions)}
         unknown = sorted(set(given) - known)
         if unknown:
             raise BadInputError(f"{name}: configuration.json: assumptions.{unknown[0]}: unknown to this version")
-        return Assumptions(**given)
+        system = body.get("vehicle_system")
+        if system is not None and not (type(system) is int and 1 <= system <= 255):
+            raise BadInputError(f"{name}: configuration.json: vehicle_system {system!r}: expected 1 to 255")
+        return Recorded(Assumptions(**given), system, body.get("home_item") is not False)
     except (ValueError, KeyError, TypeError) as error:
         raise BadInputError(f"{name}: configuration.json: cannot be read: {error}") from None
 

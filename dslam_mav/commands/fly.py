@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import replace
 from pathlib import Path
 
 from dslam_mav.commands.assume import assumptions_from
@@ -58,10 +57,7 @@ def _set_up(options: Namespace) -> Setup:
             f"{options.plan}: {len(legs.vertices_m)} waypoints: expected 2 or more, to fly legs between"
         )
     readings = open_readings(options, legs.vertices_m, _speed_m_s(mission))
-    assumptions = assumptions_from(options, medium=readings.medium)
-    if options.sources is None and readings.n_sources is not None:
-        assumptions = replace(assumptions, n_sources=readings.n_sources)
-    return Setup(mission, readings, assumptions, name, notes)
+    return Setup(mission, readings, assumptions_from(options, medium=readings.medium), name, notes)
 
 
 def _with_home(mission: Mission, name: str) -> Mission:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 import time
 from argparse import Namespace
 from collections.abc import Iterator
@@ -11,19 +9,19 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from dslam_mav.assumed import estimator
+from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.assume import configuration, in_words
+from dslam_mav.commands.assume import in_words
+from dslam_mav.commands.attached import as_logged, attach
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
 from dslam_mav.commands.folder import point_latest
-from dslam_mav.commands.logged import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT
-from dslam_mav.commands.outcome import Outcome
+from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.readings import Readings
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
 from dslam_mav.errors import DslamError, LinkError
-from dslam_mav.legs import LegCollector, plan_facts
+from dslam_mav.legs import LegCollector, flight_of, plan_facts
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mav.frames import (
     COMPONENT_AUTOPILOT,
@@ -37,7 +35,6 @@ from dslam_mav.mav.mission.transfer import start, upload
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
 from dslam_mav.records import Truth
-from missions.plan_file import plan_bytes
 from sim_bridge.bridge import Bridge
 from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 
@@ -74,24 +71,26 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         url = options.connect or stack.enter_context(_loopback(options, setup.mission))
         ground = stack.enter_context(Link(url, system=SYSTEM_GROUND, component=COMPONENT_GROUND))
         system = wait_for_vehicle(ground, options.timeout)
-        held = _upload(ground, system, setup, screen)
+        held = as_logged(_upload(ground, system, setup, screen))
         legs = leg_plan(held)
         recorder = stack.enter_context(Recorder(folder / "flight.mcap"))
         point_latest(folder)
         truth = _truth(setup, held)
-        _attach(recorder, setup, held, truth)
+        attach(recorder, held, setup.assumptions, system)
+        _attach(recorder, setup, truth)
         crew = _crew(stack, url, system, setup, held, recorder)
         stopped = _follow(ground, system, crew, legs, screen)
         if options.connect and isinstance(stopped, KeyboardInterrupt):
             screen.warn(f"vehicle {system} was not told to stop: it goes on with its mission")
         collector = crew.onboard.collector
+        flown = collector.legs(final=True)
         return Outcome(
-            flight=collector.flight(final=True),
+            flight=flight_of(flown),
             estimate=crew.onboard.result,
-            truth=truth,
+            truth=truth_of(truth, held, flown),
             log=folder / "flight.mcap",
             facts={**_facts(setup, legs, crew.bridge.sent), **in_words(setup.assumptions)},
-            warnings=(*_missing(setup.readings, crew.bridge), *collector.notes(collector.legs(final=True))),
+            warnings=(*_missing(setup.readings, crew.bridge), *collector.notes(flown)),
             stopped=stopped,
         )
 
@@ -120,7 +119,7 @@ def _crew(stack: ExitStack, url: str, system: int, setup: Setup, held: Mission, 
         stack.enter_context(Link(url, system=system, component=COMPONENT_ESTIMATOR)),
         system,
         collector,
-        estimator(setup.assumptions, collector, held),
+        estimator(setup.assumptions, collector, visible_plan(setup.assumptions, held)),
         recorder,
         on_update=updates.append,
         yaw=setup.assumptions.heading == "vehicle",
@@ -216,11 +215,7 @@ def _truth(setup: Setup, held: Mission) -> Truth | None:
     return Truth(truth.source_position_m, truth.amplitude, leg_plan(held).vertices_m)
 
 
-def _attach(recorder: Recorder, setup: Setup, held: Mission, truth: Truth | None) -> None:
-    recorder.attach(MISSION_ATTACHMENT, "text/plain", plan_bytes(held, ".waypoints"))
-    recorder.attach("plan.plan", "application/json", plan_bytes(held, ".plan"))
-    command = "dslam-mav " + shlex.join(sys.argv[1:])
-    recorder.attach(CONFIGURATION_ATTACHMENT, "application/json", configuration(setup.assumptions, command))
+def _attach(recorder: Recorder, setup: Setup, truth: Truth | None) -> None:
     if setup.readings.attachment is not None:
         recorder.attach(*setup.readings.attachment)
     if truth is not None:

@@ -6,20 +6,18 @@ from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
 
-from dslam_mav.assumed import estimator
+from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.assume import assumptions_from, in_words, recorded_assumptions
-from dslam_mav.commands.outcome import Outcome
+from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration
+from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, logged_mission
+from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import plan_facts
 from dslam_mav.log.reader import FlightLog, read_log
 from dslam_mav.mission import Mission
 from dslam_mav.records import Truth
 from dslam_mav.replay import Replayed, flight_from_log
-from missions.plan_file import parse_plan, read_plan
-
-MISSION_ATTACHMENT = "mission.waypoints"
-CONFIGURATION_ATTACHMENT = "configuration.json"
+from missions.plan_file import read_plan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,16 +39,18 @@ class Logged:
 def open_logged(path: Path, options: Namespace) -> Logged:
     """Read a log (.mcap or .tlog) under the options' assumptions, over those it was recorded with."""
     log = None if path.suffix.lower() == ".tlog" or not _begins_as_mcap(path) else read_log(path)
-    mission = _mission(path, log, getattr(options, "plan", None))
-    base = None
+    recorded = None
     if log is not None and CONFIGURATION_ATTACHMENT in log.attachments:
-        base = recorded_assumptions(log.attachments[CONFIGURATION_ATTACHMENT], str(path))
+        recorded = recorded_configuration(log.attachments[CONFIGURATION_ATTACHMENT], str(path))
+    mission = _mission(path, log, recorded, getattr(options, "plan", None))
+    base = None if recorded is None else recorded.assumptions
     assumptions = assumptions_from(options, base=base)
     replayed = flight_from_log(
         path,
         plan=None if mission is None else plan_facts(mission),
         distance=assumptions.distance,
         yaw=assumptions.heading == "vehicle",
+        system=None if recorded is None else recorded.vehicle_system,
     )
     truth = None if log is None else log.truth
     return Logged(path, replayed, mission, assumptions, truth, log, assumptions != base)
@@ -67,21 +67,23 @@ def _begins_as_mcap(path: Path) -> bool:
         return False
 
 
-def _mission(path: Path, log: FlightLog | None, plan: str | None) -> Mission | None:
+def _mission(path: Path, log: FlightLog | None, recorded: Recorded | None, plan: str | None) -> Mission | None:
     if plan is not None:
         return read_plan(Path(plan)).mission
     if log is None or MISSION_ATTACHMENT not in log.attachments:
         return None
     name = f"{path}: attachment {MISSION_ATTACHMENT}"
-    return parse_plan(log.attachments[MISSION_ATTACHMENT], name).mission
+    home_item = recorded is None or recorded.home_item
+    return logged_mission(log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
 
 
 def estimate_again(logged: Logged) -> Outcome:
     """The estimator on the log's readings, as it ran on board."""
     collector = logged.replayed.collector
-    run = estimator(logged.assumptions, collector, logged.mission)
+    plan = None if logged.mission is None else visible_plan(logged.assumptions, logged.mission)
+    run = estimator(logged.assumptions, collector, plan)
     try:
-        result = run(logged.replayed.flight)
+        result = run(logged.replayed.flight, logged.replayed.legs)
     except BadInputError as problem:
         raise BadInputError(f"{logged.path}: {problem}") from None
     return outcome_of(logged).with_estimate(result)
@@ -99,4 +101,5 @@ def outcome_of(logged: Logged) -> Outcome:
         **in_words(logged.assumptions),
         "distance along a leg": ", ".join(sorted(modes)),
     }
-    return Outcome(replayed.flight, None, logged.truth, logged.path, facts, tuple(warnings))
+    truth = truth_of(logged.truth, logged.mission, replayed.legs)
+    return Outcome(replayed.flight, None, truth, logged.path, facts, tuple(warnings))

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from argparse import Namespace
 from pathlib import Path
 
-from dslam_mav.assumed import estimator
-from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.assume import assumptions_from, configuration, in_words
+from dslam_mav.assumed import estimator, visible_plan
+from dslam_mav.commands.assume import assumptions_from, in_words
+from dslam_mav.commands.attached import as_logged, attach
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
-from dslam_mav.commands.logged import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT
 from dslam_mav.commands.outcome import Outcome, show
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
@@ -25,7 +22,7 @@ from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mission import Mission, leg_plan
-from missions.plan_file import plan_bytes, read_plan
+from missions.plan_file import read_plan
 
 
 def run(options: Namespace) -> int:
@@ -35,11 +32,12 @@ def run(options: Namespace) -> int:
     out = Path(options.out)
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
-    mission, system = _mission(options)
+    held, system = _mission(options)
+    mission = as_logged(held)
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
     with Recorder(out) as recorder:
-        _attach(recorder, assumptions, mission)
+        attach(recorder, mission, assumptions, system)
         collector = LegCollector(plan_facts(mission), distance=assumptions.distance)
         updates: list[Update] = []
         stopped: DslamError | KeyboardInterrupt | None = None
@@ -48,7 +46,7 @@ def run(options: Namespace) -> int:
                 link,
                 system,
                 collector,
-                estimator(assumptions, collector, mission),
+                estimator(assumptions, collector, visible_plan(assumptions, mission)),
                 recorder,
                 on_update=updates.append,
                 yaw=assumptions.heading == "vehicle",
@@ -71,13 +69,6 @@ def run(options: Namespace) -> int:
             stopped=stopped or worker.error,
         )
     return show(screen, outcome)
-
-
-def _attach(recorder: Recorder, assumptions: Assumptions, mission: Mission) -> None:
-    command = "dslam-mav " + shlex.join(sys.argv[1:])
-    recorder.attach(CONFIGURATION_ATTACHMENT, "application/json", configuration(assumptions, command))
-    recorder.attach(MISSION_ATTACHMENT, "text/plain", plan_bytes(mission, ".waypoints"))
-    recorder.attach("plan.plan", "application/json", plan_bytes(mission, ".plan"))
 
 
 def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Screen) -> None:

@@ -74,7 +74,12 @@ def source_of_readings(parser: argparse.ArgumentParser) -> None:
         "time_s,value), or a tlog's message field, e.g. value=SCALED_PRESSURE2.temperature*0.01",
     )
     group.add_argument("--frames", metavar="N|A:B", help="of a .npz: the frame held, or the film run (default: 0:4)")
-    group.add_argument("--copies", metavar="K", type=COUNT, help="of a .npz: shifted copies added (default: 2)")
+    group.add_argument(
+        "--copies",
+        metavar="K",
+        type=COUNT,
+        help="of a .npz: shifted copies added (default: as many as --sources, or 2)",
+    )
 
 
 def vehicle_link(parser: argparse.ArgumentParser, *, required: bool = True, help_text: str = CONNECT_HELP) -> None:

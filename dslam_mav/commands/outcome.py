@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,8 @@ from dslam_mav.commands.summary import headline, summary, table
 from dslam_mav.dslam.scoring import has_positions
 from dslam_mav.errors import DslamError, LogError
 from dslam_mav.files import write_whole
+from dslam_mav.legs import FlownLeg
+from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Estimate, Flight, Truth
 from dslam_mav.report.data import ReportData
 from dslam_mav.report.page import render
@@ -34,6 +36,17 @@ class Outcome:
     def with_estimate(self, estimate: Estimate) -> Outcome:
         """The same with this estimate."""
         return replace(self, estimate=estimate)
+
+
+def truth_of(truth: Truth | None, mission: Mission | None, legs: Sequence[FlownLeg]) -> Truth | None:
+    """The truth of the legs used alone, so that it begins where the estimate does: truth's vertices are the plan's."""
+    if truth is None or mission is None or not legs:
+        return truth
+    place = {seq: j for j, seq in enumerate(leg_plan(mission).sequence)}
+    passed = [*(leg.start_seq for leg in legs), legs[-1].end_seq]
+    if len(place) != len(truth.vertices_m) or not all(seq in place for seq in passed):
+        return truth
+    return replace(truth, vertices_m=truth.vertices_m[[place[seq] for seq in passed]])
 
 
 def write_report(outcome: Outcome, path: Path) -> Outcome:

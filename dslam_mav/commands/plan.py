@@ -89,8 +89,9 @@ def _in_words(seen: Outlook, spread_m: float, options: Namespace) -> str:
     if not np.isfinite(seen.source_median_m):
         return f"predicted for {options.sources} sources, √C {spread_m:.3g} m: no source can be placed"
     return (
-        f"predicted for {options.sources} sources, √C {spread_m:.3g} m, {options.snr:g} dB: sources to "
-        f"{seen.source_median_m:.2g} m rms (90 % of layouts {seen.source_p90_m:.2g} m), path to {seen.path_median_m:.2g} m"
+        f"predicted for {options.sources} sources, √C {spread_m:.3g} m, {options.snr:g} dB: "
+        f"sources to {seen.source_median_m:.2g} m rms (90 % of layouts {seen.source_p90_m:.2g} m), "
+        f"path to {seen.path_median_m:.2g} m"
     )
 
 
@@ -100,8 +101,9 @@ def _verdict(seen: Outlook, spread_m: float) -> str:
         return "Blind: on this path most layouts of sources cannot be told. Fly a star: its legs cross the middle."
     if share > 0.05 or seen.source_median_m > POOR_SPREADS * spread_m:
         return (
-            f"Sees badly: {100.0 * share:.0f} % of layouts cannot be told, half of the others to worse than "
-            f"{seen.source_median_m / spread_m:.2f} √C. star5 with legs of {4.5 * spread_m:.3g} m sees several times better."
+            f"Sees badly: {100.0 * share:.0f} % of layouts cannot be told, half of all to worse than "
+            f"{seen.source_median_m / spread_m:.2f} √C. "
+            f"star5 with legs of {4.5 * spread_m:.3g} m sees several times better."
         )
     return "Sees well, for sources within the area; a second answer may still fit as well, which no bound shows."
 

@@ -41,7 +41,6 @@ class Readings:
     truth: Truth | None
     medium: Medium | None
     name: str
-    n_sources: int | None = None
     attachment: tuple[str, str, bytes] | None = None
     notes: tuple[str, ...] = ()
 
@@ -127,7 +126,6 @@ def _from_frames(path: Path, options: Namespace, vertices_m: Array | None, speed
         truth=demo.truth(vertices),
         medium=Medium(ambient=None, static=first == last),
         name=path.name,
-        n_sources=copies,
         notes=(_what_was_made(path, demo, copies, first, last),),
     )
 

@@ -19,6 +19,9 @@ from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
 
 Array = NDArray[np.float64]
 
+HEADING_MISFIT_SD = 5.0
+AGE_UNKNOWN_LOG_SD = 1.0  # ln age less sure than this: μ and τ are not known apart, only their product
+
 
 def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, reason: str) -> Estimate:
     """An estimate without an answer: shapes kept, positions NaN."""
@@ -64,6 +67,9 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     verdict, reason = certify.verdict(
         answers.level, best.position_covariance_m2, best.spread_m, len(others), answers.fits[0].converged
     )
+    against = _against_headings(answers)
+    if against is not None and verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS):
+        verdict, reason = Verdict.MODEL_MISFIT, against
     if verdict in (Verdict.NOT_CONVERGED, Verdict.NOT_IDENTIFIABLE):
         empty = nothing(flight, medium, len(best.sources), verdict, reason)
         return replace(
@@ -82,12 +88,26 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     return replace(best, verdict=verdict, reason=reason, alternatives=alternatives)
 
 
+def _against_headings(answers: Answers) -> str | None:
+    """A leg that was not flown in its known heading, in words."""
+    prob, state = answers.problem, answers.fits[0].state
+    if prob.heading_prior is None:
+        return None
+    off = np.abs(np.angle(np.exp(1j * (state.theta + state.turn - prob.heading_prior[0]))))
+    worst = int(np.argmax(off))
+    sds = off[worst] / answers.priors.heading_sd_rad
+    if sds < HEADING_MISFIT_SD:
+        return None
+    return f"The readings put leg {worst + 1} {sds:.0f} standard deviations from its known heading."
+
+
 def _in_order(prob: Problem, f: Fit) -> tuple[State, Array]:
     """The fit's state and Jacobian with its sources ordered by amplitude, first turn towards +y."""
     state = f.state
     order = np.argsort(-state.log_amplitude, kind="stable")
     state = replace(state, s=state.s[order], log_amplitude=state.log_amplitude[order])
-    if to_canonical(vertices(state.theta, prob.length)).mirrored:
+    mirrored = to_canonical(vertices(state.theta, prob.length)).mirrored
+    if mirrored and prob.heading_prior is None:  # known headings tell left from right
         state = replace(state, theta=-state.theta, s=state.s * np.array([1.0, -1.0]))
     theta = (state.theta + np.pi) % (2.0 * np.pi) - np.pi
     state = replace(state, theta=theta)
@@ -108,9 +128,14 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     cost = float(f.residual @ f.residual)
     amplitude = np.exp(state.log_amplitude) * span
     spread2 = float(np.exp(state.log_spread2))
+    age_sd = float(np.sqrt(covariance[names.index("ln age"), names.index("ln age")])) if "ln age" in names else 0.0
     fitted, activation = _fitted(flight, medium, prob, state, span)
+    if age_sd > AGE_UNKNOWN_LOG_SD or _beyond_telling(prob, state):
+        fitted, activation = replace(fitted, diffusivity_m2_s=None, activation_s=None), float("nan")
     diagnostics: dict[str, Any] = {
-        "bic": _bic(cost, n, len(names), level, answers.freedom_inside),
+        "cost": cost,
+        "n_readings": n,
+        "freedom_inside": answers.freedom_inside,
         "residual_inside_sd": float(np.sqrt(level.inside)) * span,
         "residual_outside_sd": float(np.sqrt(level.outside)) * span,
         "whiteness_p": level.p_value,
@@ -128,7 +153,7 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
         parameter_covariance=covariance,
         parameter_names=names,
         noise_sd=level.sd * span,
-        log_likelihood=_log_likelihood(cost, n, level, span),
+        log_likelihood=_log_likelihood(f.cost, n, level, span),
         residual=-f.residual * span,
         unseen_directions=certify.unseen_in_words(info, names),
         diagnostics=diagnostics,
@@ -136,16 +161,15 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     return estimate if answers.priors.heading_rad is None else _anchored(estimate, answers.priors, state.turn)
 
 
+def _beyond_telling(prob: Problem, state: State) -> bool:
+    """Whether the field is so old that only its age's prior still bounds it."""
+    return prob.age_prior is not None and state.log_age > np.log(prob.age_prior[0])
+
+
 def _log_likelihood(cost: float, n: int, level: Noise, span: float) -> float:
-    """ln p(readings | answer) at the noise variance the errors are weighed with."""
+    """ln p(readings | answer), priors' rows included, at the noise variance the errors are weighed with."""
     variance = level.variance
     return float(-0.5 * cost / variance - 0.5 * n * np.log(2.0 * np.pi * variance) - n * np.log(span))
-
-
-def _bic(cost: float, n: int, n_parameters: int, level: Noise, freedom_inside: int) -> float:
-    """n ln(cost/n) + P ln n. Residuals that are not white count as the few numbers a leg can carry, not as readings."""
-    n_effective = min(freedom_inside, n) if level.misfit else n
-    return float(n_effective * np.log(max(cost, 1e-300) / n) + n_parameters * np.log(n_effective))
 
 
 def _fitted(flight: Flight, medium: Medium, prob: Problem, state: State, span: float) -> tuple[Medium, float]:
@@ -156,7 +180,8 @@ def _fitted(flight: Flight, medium: Medium, prob: Problem, state: State, span: f
     known_tau = tau if isinstance(tau, (int, float)) else None
     if prob.evolution == "fixed":
         known = known_tau if known_tau is not None else (first - spread2 / (4.0 * mu) if mu else None)
-        return replace(medium, ambient=state.ambient * span), float("nan") if known is None else float(known)
+        fitted = replace(medium, ambient=state.ambient * span, activation_s=known)
+        return fitted, float("nan") if known is None else float(known)
     age: float | None
     if not prob.static and prob.evolution in ("age", "both"):
         age = float(np.exp(state.log_age))

@@ -14,6 +14,7 @@ from dslam_mav.records import Flight, Verdict
 Array = NDArray[np.float64]
 
 MIN_READINGS_PER_LEG = 4
+MIN_REACH = 1e-3  # of a leg's length
 MISFIT_P_VALUE = 1e-3
 MISFIT_WIDENING = 4.0  # theory, section 10: what covers 95 % on recorded fields
 MISFIT_MATTERS = 0.06  # systematic residual, as a share of the readings' range, from which the model is called wrong
@@ -55,6 +56,8 @@ def too_few(flight: Flight, n_parameters: int, k_sources: int) -> str | None:
     for j, leg in enumerate(flight.legs, start=1):
         if leg.reading.size < MIN_READINGS_PER_LEG:
             return f"Leg {j} has {leg.reading.size} readings; at least {MIN_READINGS_PER_LEG} are needed."
+        if float(np.ptp(leg.distance_m)) < MIN_REACH * leg.length_m:
+            return f"All readings of leg {j} were taken at one place: nothing was seen along it."
     if flight.n_readings <= n_parameters:
         return f"{flight.n_readings} readings cannot carry {n_parameters} unknowns ({k_sources} sources)."
     return None

@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise, too_few
 from dslam_mav.dslam.fit import Fit, fit
-from dslam_mav.dslam.priors import CLOSED_SHARE, Priors, bounded, constrained, lone_starts
+from dslam_mav.dslam.priors import CLOSED_SHARE, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Problem, parameter_names, problem, vertices
 from dslam_mav.dslam.starts import Starts, starts
 from dslam_mav.records import Estimate, Flight, Medium, Verdict
@@ -26,6 +26,7 @@ from dslam_mav.records import Estimate, Flight, Medium, Verdict
 Array = NDArray[np.float64]
 
 MAX_SOURCES = 8
+DOUBTFUL_P = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,7 @@ def estimate(
             raise ValueError(f"{name}: expected a whole number from 1 to {MAX_SOURCES}, got {value!r}")
     question = _Question(flight, medium, _priors(flight, closed_sd_m, heading_prior), seed)
     # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
-    with _threads().limit(limits=1, user_api="blas"):
+    with _threads().limit(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
         return _with_k(question, int(n_sources)) if n_sources is not None else _choose_k(question, max_sources)
 
 
@@ -84,6 +85,9 @@ def _check(flight: Flight, medium: Medium, method: str) -> None:
     tau = medium.activation_s
     if isinstance(tau, (int, float)) and tau >= first:
         raise ValueError(f"medium.activation_s: expected a time before the first reading at {first} s, got {tau}")
+    only_spread = medium.static and (medium.spread_m is not None or medium.diffusivity_m2_s is None)
+    if tau is None and not only_spread:
+        raise ValueError('medium.activation_s: None would be one per source: expected a time, or "shared" for all')
 
 
 def _priors(flight: Flight, closed_sd_m: float | None, heading_prior: tuple[Array, float] | None) -> Priors:
@@ -147,7 +151,7 @@ def _fits(prob: Problem, begun: Starts, priors: Priors, rng: np.random.Generator
     again = [f.state for f in fits]
     if k_sources == 1:
         again += lone_starts(prob, priors, fits[0].state, rng)
-    fits = _sorted([fit(tight, state) for state in again])
+    fits = _sorted([fit(tight, state) for state in both_sides(tight, again)])
     return tight, [f for f in fits if f.converged] or fits[:1]
 
 
@@ -183,7 +187,23 @@ def _choose_k(question: _Question, max_sources: int) -> Estimate:
     best = _with_k(question, 1)
     for k_sources in range(2, max_sources + 1):
         result = _with_k(question, k_sources)
-        if not result.diagnostics.get("bic", np.inf) < best.diagnostics.get("bic", np.inf):
+        if "cost" not in result.diagnostics:
+            break  # too few data for so many
+        if "cost" in best.diagnostics and not _more_is_better(best, result):
             break
         best = result
     return best
+
+
+def _more_is_better(few: Estimate, more: Estimate) -> bool:
+    """Whether n ln(cost) + P ln n is lower with more sources; both are counted over the same n.
+
+    Residuals that may not be white (the larger model's, at 5 %) count as the numbers the legs can carry, not as
+    readings: otherwise sources are added to mend the model's own misfit.
+    """
+    a, b = few.diagnostics, more.diagnostics
+    n = float(b["n_readings"])
+    if b["whiteness_p"] < DOUBTFUL_P:
+        n = min(n, float(b["freedom_inside"]))
+    extra = len(more.parameter_names) - len(few.parameter_names)
+    return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra * np.log(n) < 0.0)

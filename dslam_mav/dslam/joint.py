@@ -100,6 +100,13 @@ def _prior_rows(prob: Problem, state: State) -> tuple[Array, Array]:
             rows[:, first + k_sources] = -beyond
         off.append(excess * beyond)
         slopes.append(rows)
+    if prob.age_prior is not None:
+        oldest, sd = prob.age_prior
+        older = max(state.log_age - float(np.log(oldest)), 0.0)
+        rows = np.zeros((1, n_par))
+        rows[0, parameter_names(prob, k_sources).index("ln age")] = (older > 0.0) / sd
+        off.append(np.array([older / sd]))
+        slopes.append(rows)
     if prob.heading_prior is not None:
         heading, sd = prob.heading_prior
         turned = state.theta + state.turn - heading

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,8 @@ Array = NDArray[np.float64]
 
 PLAUSIBLE_PEAK = 3.0  # times the readings' range: a stronger source must have been kept a spread away from …
 PEAK_LOG_SD = 0.8  # … and the logarithm of what it has beyond costs by this standard deviation
+OLDEST_FLIGHTS = 30.0  # flights: an older field stands still as far as one can tell; beyond it age costs by …
+AGE_LOG_SD = 1.0  # … this standard deviation of its logarithm
 CLOSED_SHARE = 1e-3  # of the path: how well a path said to be closed closes
 RESTARTS = 40
 
@@ -48,8 +51,9 @@ class Priors:
 
 
 def bounded(prob: Problem, noise_sd: float) -> Problem:
-    """With the prior on strengths only."""
-    return replace(prob, peak_prior=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd))
+    """With the priors every flight has: on strengths, and on the age of a field that hardly evolves."""
+    age = (OLDEST_FLIGHTS * float(prob.t[-1]), AGE_LOG_SD / noise_sd) if prob.evolution == "both" else None
+    return replace(prob, peak_prior=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd), age_prior=age)
 
 
 def constrained(prob: Problem, priors: Priors, noise_sd: float) -> Problem:
@@ -59,6 +63,23 @@ def constrained(prob: Problem, priors: Priors, noise_sd: float) -> Problem:
     if priors.heading_rad is not None:
         heading = (priors.canonical_heading_rad, priors.heading_sd_rad / noise_sd)
     return replace(bounded(prob, noise_sd), closed_sd_m=closed, heading_prior=heading)
+
+
+def both_sides(prob: Problem, states: Sequence[State]) -> list[State]:
+    """Every answer and its mirror image, turned to where its headings agree best with those known.
+
+    Readings alone do not tell left from right, so that the search's canonical gauge may be the wrong one of the two.
+    """
+    if prob.heading_prior is None:
+        return list(states)
+    out = []
+    for state in states:
+        for side in (1.0, -1.0):
+            theta = side * state.theta
+            off = prob.heading_prior[0] - theta
+            turn = float(np.arctan2(np.sin(off).sum(), np.cos(off).sum()))
+            out.append(replace(state, theta=theta, s=state.s * np.array([1.0, side]), turn=turn))
+    return out
 
 
 def lone_starts(prob: Problem, priors: Priors, like: State, rng: np.random.Generator) -> list[State]:

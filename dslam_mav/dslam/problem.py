@@ -27,7 +27,8 @@ class Problem:
 
     Priors have standard deviations in units of a reading's noise: headings, closure, and `peak_prior`: a source's
     peak reading beyond the first number costs as the logarithm's excess over the second. Without it, ever remoter and
-    stronger sources beside ever straighter paths fit almost anything.
+    stronger sources beside ever straighter paths fit almost anything. `age_prior` likewise: in a field that stands
+    still μ and τ run away together.
     """
 
     s: Array
@@ -44,6 +45,7 @@ class Problem:
     heading_prior: tuple[Array, float] | None = None
     closed_sd_m: float | None = None
     peak_prior: tuple[float, float] | None = None
+    age_prior: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

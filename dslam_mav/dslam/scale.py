@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 WIDEST = 1.5  # √C of the first basis tried, in legs; each next has half its C
 NARROWEST_SPACINGS = 3.0  # √C of the last, in readings' spacings
+MOST_SPREADS = 30.0  # √C in the longest leg: beyond that no mission sees enough
 MOST_STEPS = 16
 NODE_STEP_SPREADS = 0.4
 MIN_FREEDOM = 0.1  # share of the readings a noise estimate must rest on
@@ -37,7 +38,7 @@ def spread_scale(legs: Sequence[Samples], ambient_unknown: bool) -> Scale:
     """Fit every leg by the widest curves that still fit it, and measure how fast the fit changes."""
     longest = max(leg.length for leg in legs)
     spacing = float(np.median(np.concatenate([np.diff(np.sort(leg.distance)) for leg in legs])))
-    narrowest = max(NARROWEST_SPACINGS * spacing, 1e-3 * longest)
+    narrowest = max(NARROWEST_SPACINGS * spacing, longest / MOST_SPREADS)
     steps = [(WIDEST * longest) ** 2 / 2.0**i for i in range(MOST_STEPS)]
     steps = [c for c in steps if c >= narrowest**2] or steps[:1]
     left = [_left_over(legs, c, ambient_unknown) for c in steps]
@@ -80,7 +81,7 @@ def _ratio(legs: Sequence[Samples], c: float) -> float:
         value, by_centre = curves(_at(leg, c), _nodes(leg, c), c, True)
         gram = value.T @ value
         gram[np.diag_indices_from(gram)] += RIDGE * np.trace(gram) / len(gram)
-        weights = np.linalg.solve(gram, value.T @ (leg.reading - leg.reading.mean()))
+        weights = np.linalg.lstsq(gram, value.T @ (leg.reading - leg.reading.mean()), rcond=None)[0]
         square += float(((value @ weights) ** 2).sum())
         slope += float(((by_centre @ weights) ** 2).sum())
     return square / slope if slope > 0.0 else c

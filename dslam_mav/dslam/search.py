@@ -30,6 +30,7 @@ def search(comp: Compressed, k_sources: int, rng: np.random.Generator) -> Modes:
         more = search_round(comp, k_sources, int(corners[rounds % corners.size]), rng)
         rounds += 1
         if not len(more):
+            quiet += 1
             continue
         before = modes
         unit = misfit(merge(before, more, np.inf), comp, k_sources)

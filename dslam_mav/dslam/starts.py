@@ -62,13 +62,16 @@ def medium_grid(prob: Problem, squared_spread_m2: float) -> list[tuple[float, fl
 
 
 def samples(prob: Problem, spread2: Array) -> list[Samples]:
-    """The legs' readings less what is known of the ambient level, with C at every reading (n,)."""
-    level = prob.ambient or 0.0
-    here = [prob.leg == j for j in range(prob.length.size)]
-    return [
-        Samples(float(length), prob.s[i], prob.y[i] - level, spread2[i])
-        for length, i in zip(prob.length, here, strict=True)
-    ]
+    """The legs' readings less what is known of the ambient level, with C at every reading (n,).
+
+    A reading more than a leg's length beyond either end counts as one there: no table need reach it.
+    """
+    out = []
+    for j, length in enumerate(prob.length):
+        own = prob.leg == j
+        distance = np.clip(prob.s[own], -length, 2.0 * length)
+        out.append(Samples(float(length), distance, prob.y[own] - (prob.ambient or 0.0), spread2[own]))
+    return out
 
 
 def compressed(prob: Problem, log_spread2: float, log_age: float, sigma: float | None) -> Compressed:
@@ -109,6 +112,8 @@ def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
         if len(grid) == 1:
             break
         fitted = _refined(prob, [*found[:REFINED], *(f.state for f in fitted[:REFINED])])
+        if not fitted:
+            break
         before, at = at, _medium_of(fitted[0].state)
         if abs(at[0] - before[0]) < SAME_LOG_SPREAD2:
             break

@@ -35,12 +35,15 @@ AUTOPILOT = 1
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A mission item passed at `time_ms`, the `index`-th event; `run` changes when numbers start again."""
+    """A mission item passed at `time_ms`, the `index`-th event; `run` changes when numbers start again, `boot`
+    when the vehicle's clock does.
+    """
 
     seq: int
     time_ms: int
     run: int
     index: int
+    boot: int = 0
 
 
 @dataclass(slots=True)
@@ -61,7 +64,8 @@ class Samples:
 class FlownLeg:
     """One leg as flown: readings `value` (N,) at `time_ms` (N,) int64, `distance_m` (N,) along it.
 
-    Times are the vehicle's, unwrapped; `zero_ms` is when the flight's first leg began.
+    Times are the vehicle's, unwrapped; `zero_ms` is when the flight began: its first way between two
+    vertices of the plan, flown with the same clock, or without a plan its first leg; used or not.
     """
 
     start_seq: int
@@ -85,7 +89,8 @@ def assemble(
     odometry = np.array(samples.odometry, dtype=np.float64).reshape(-1, 6)
     speed = np.array(samples.speed, dtype=np.float64).reshape(-1, 3)
     chains: list[list[FlownLeg]] = [[]]
-    for start, end in _ways(events, plan):
+    ways = list(_ways(events, plan))
+    for start, end in ways:
         inside = slice(*np.searchsorted(time_ms, [start.time_ms, end.time_ms]))
         planned_m = plan.length_m(start.seq, end.seq) if plan else None
         if plan and planned_m is None:
@@ -105,7 +110,7 @@ def assemble(
             FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m,
                      time_ms[inside], value[inside], placed.mode)
         )  # fmt: skip
-    legs = _choose(chains, counts)
+    legs = _choose(chains, ways, counts, planned=plan is not None)
     counts["readings used"] = sum(leg.value.size for leg in legs)
     counts["readings outside legs"] = int(value.size) - counts["readings used"]
     return legs, counts
@@ -159,7 +164,9 @@ def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     return np.array(times, dtype=np.int64), np.array(means, dtype=np.float64)
 
 
-def _choose(chains: list[list[FlownLeg]], counts: Counter[str]) -> tuple[FlownLeg, ...]:
+def _choose(
+    chains: list[list[FlownLeg]], ways: Sequence[tuple[Event, Event]], counts: Counter[str], *, planned: bool
+) -> tuple[FlownLeg, ...]:
     longest_m = max((leg.length_m for chain in chains for leg in chain), default=0.0)
     least_m = max(MIN_LENGTH_M, MIN_LENGTH_SHARE * longest_m)
     kept = [[leg for leg in chain if leg.length_m > least_m] for chain in chains]
@@ -169,4 +176,7 @@ def _choose(chains: list[list[FlownLeg]], counts: Counter[str]) -> tuple[FlownLe
     if not enough:
         return ()
     counts["legs with few readings"] = len(chain) - len(enough)
-    return tuple(replace(leg, zero_ms=chain[0].start_ms) for leg in chain[enough[0] : enough[-1] + 1])
+    boots = {start.time_ms: start.boot for start, _ in ways}  # a start's time is its own: clocks never fall
+    starts_ms = boots if planned else [leg.start_ms for legs in kept for leg in legs]
+    zero_ms = min(t for t in starts_ms if boots[t] == boots[chain[0].start_ms])
+    return tuple(replace(leg, zero_ms=zero_ms) for leg in chain[enough[0] : enough[-1] + 1])

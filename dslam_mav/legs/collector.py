@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.legs.assembly import Event, FlownLeg, Samples, assemble
+from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.distance import Distance
 from dslam_mav.legs.plan import PlanFacts
 from dslam_mav.observations import GroundSpeed, Observation, Odometry, Progress, Reading, Yaw
@@ -22,38 +23,8 @@ from dslam_mav.records import Flight, Leg
 
 Array = NDArray[np.float64]
 
-CLOCK_MS = 2**32
-"""Where time_boot_ms starts again."""
-
-REBOOT_MS = 10_000
-"""An autopilot's clock that falls back by more was restarted."""
-
 LATE_READINGS_MS = 3_000
 """How far dead reckoning must be past a leg's end before a leg without later readings counts as complete."""
-
-_PAUSE_MS = 60_000  # put between two runs of an autopilot's clock
-
-
-class VehicleClock:
-    """time_boot_ms made to rise for ever: it wraps at 2^32 and starts again with the autopilot."""
-
-    def __init__(self) -> None:
-        self.newest_ms: int | None = None
-        self._wire_ms = 0
-
-    def take(self, time_boot_ms: int, *, autopilot: bool) -> tuple[int, bool]:
-        """The unwrapped time, and whether the autopilot was restarted (only its own messages can tell)."""
-        if self.newest_ms is None:
-            self.newest_ms = self._wire_ms = time_boot_ms
-            return time_boot_ms, False
-        step_ms = (time_boot_ms - self._wire_ms + CLOCK_MS // 2) % CLOCK_MS - CLOCK_MS // 2
-        restarted = autopilot and step_ms < -REBOOT_MS
-        if restarted:
-            step_ms = _PAUSE_MS
-        time_ms = self.newest_ms + step_ms
-        if step_ms > 0:
-            self.newest_ms, self._wire_ms = time_ms, time_boot_ms
-        return time_ms, restarted
 
 
 class LegCollector:
@@ -62,7 +33,7 @@ class LegCollector:
     With `plan` only flights between neighbouring vertices of it are legs; without, every straight way between
     two mission items that is long enough and has readings. `distance` None: the first of odometry, speed and
     plan that the vehicle offers. `counts` says what was taken and set aside: "readings", "duplicate", "not
-    finite", "restarts"; `legs_counts` the same of the last flight: "readings used",
+    finite", "off the clock", "restarts"; `legs_counts` the same of the last flight: "readings used",
     "readings outside legs", "legs lost", "legs short".
     """
 
@@ -76,7 +47,7 @@ class LegCollector:
         self.legs_completed = 0
         self._samples = Samples()
         self._events: list[Event] = []
-        self._run = 0
+        self._run = self._boot = 0
         self._current: int | None = None
         self._newest_reading_ms = self._newest_odometry_ms = -1
         self._checked = 0
@@ -115,8 +86,7 @@ class LegCollector:
             case GroundSpeed():
                 self._speed(observation)
             case Yaw() if math.isfinite(observation.yaw_rad):
-                time_ms, _ = self.clock.take(observation.time_boot_ms, autopilot=False)
-                self._samples.yaw.append((time_ms, observation.yaw_rad))
+                self._samples.yaw.append((self._autopilot_ms(observation.time_boot_ms), observation.yaw_rad))
         if self._early is not None and self.clock.newest_ms is not None:
             self._passed(self._early, reached=True)
             self._early = None
@@ -129,15 +99,16 @@ class LegCollector:
             return legs
 
     def flight(self, final: bool = False) -> Flight:
-        """The flight, its time zero at the start of its first leg. A leg between others stays without
-        readings.
-        """
-        legs = self.legs(final=final)
-        return Flight(tuple(_leg(leg, legs[0].zero_ms) for leg in legs))
+        """The flight of `legs`: see `flight_of`."""
+        return flight_of(self.legs(final=final))
 
     def notes(self, legs: tuple[FlownLeg, ...]) -> tuple[str, ...]:
         """What a person should know of these legs' readings, one line each."""
         lines = [f"{n} readings were not finite and were dropped" for n in [self.counts["not finite"]] if n]
+        if n := self.counts["off the clock"]:
+            lines.append(f"{n} readings had times that are not of the vehicle's clock and were dropped")
+        if n := self.counts["restarts"]:
+            lines.append(f"the autopilot's clock started again {n} times; the longest unbroken part is used")
         for j, leg in enumerate(legs, 1):
             if leg.value.size == 0:
                 lines.append(f"leg {j} of {len(legs)} has no readings")
@@ -175,14 +146,17 @@ class LegCollector:
             return
         if last is not None and seq < last.seq:
             self._run += 1
-        self._events.append(Event(seq, self.clock.newest_ms, self._run, len(self._events)))
+        self._events.append(Event(seq, self.clock.newest_ms, self._run, len(self._events), self._boot))
 
     def _reading(self, reading: Reading) -> None:
         self.names.add(reading.name)
         if not math.isfinite(reading.value):
             self.counts["not finite"] += 1
             return
-        time_ms, _ = self.clock.take(reading.time_boot_ms, autopilot=False)
+        time_ms = self.clock.place(reading.time_boot_ms)
+        if time_ms is None:
+            self.counts["off the clock"] += 1
+            return
         taken = self._samples.readings.setdefault((reading.name, reading.component), {})
         if time_ms in taken:
             self.counts["duplicate"] += 1
@@ -196,13 +170,32 @@ class LegCollector:
         if not all(math.isfinite(v) for v in values):
             self.counts["not finite"] += 1
             return
-        time_ms, restarted = self.clock.take(odometry.time_boot_ms, autopilot=True)
-        if restarted:
-            self.counts["restarts"] += 1
-            self._run += 1
-            self._current = None
+        time_ms = self._autopilot_ms(odometry.time_boot_ms)
         self._samples.odometry.append((len(self._events), time_ms, *values))
         self._newest_odometry_ms = max(self._newest_odometry_ms, time_ms)
+
+    def _autopilot_ms(self, time_boot_ms: int) -> int:
+        first = not self.clock.autopilots
+        time_ms, new = self.clock.take(time_boot_ms)
+        if new and first:
+            self._forget()
+        elif new:
+            self.counts["restarts"] += 1
+            self._run += 1
+            self._boot += 1
+            self._current = None
+        return time_ms
+
+    def _forget(self) -> None:
+        """Only readings were heard until now, and they had another clock: nothing of it has a known time."""
+        dropped = sum(map(len, self._samples.readings.values()))
+        self.counts["off the clock"] += dropped
+        self.counts["readings"] -= dropped
+        self._early = self._events[-1].seq if self._events else None
+        self._samples = Samples()
+        self._events.clear()
+        self._checked = self.legs_completed = 0
+        self._newest_reading_ms = -1
 
     def _speed(self, speed: GroundSpeed) -> None:
         if self.clock.newest_ms is not None and math.isfinite(speed.speed_m_s):
@@ -219,6 +212,14 @@ class LegCollector:
                 self.legs_completed += 1
             self._checked += 1
         return self.legs_completed > before
+
+
+def flight_of(legs: tuple[FlownLeg, ...]) -> Flight:
+    """The flight of these legs, its time zero where the mission's first began, used or not (`FlownLeg.zero_ms`).
+
+    A leg between others stays without readings.
+    """
+    return Flight(tuple(_leg(leg, leg.zero_ms) for leg in legs))
 
 
 def _leg(leg: FlownLeg, zero_ms: int) -> Leg:

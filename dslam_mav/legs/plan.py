@@ -1,4 +1,4 @@
-"""What an estimate may know of the plan: its vertices, its legs' lengths and the sense of the first turn.
+"""What an estimate may know of the plan: its vertices and its legs' lengths.
 
 The directions of the plan's legs are a function of their own, for the pilot who asks for `--heading plan`.
 """
@@ -13,14 +13,10 @@ from dslam_mav.mission import Mission, leg_plan
 
 @dataclass(frozen=True, slots=True)
 class PlanFacts:
-    """`vertices`: the sequence numbers of the path's corners, rising; `lengths_m`: the legs between them.
-
-    `first_turn_left` is the sense of the first turn that is one; None where the plan goes straight on.
-    """
+    """`vertices`: the sequence numbers of the path's corners, rising; `lengths_m`: the legs between them."""
 
     vertices: tuple[int, ...]
     lengths_m: tuple[float, ...]
-    first_turn_left: bool | None = None
 
     def __post_init__(self) -> None:
         if list(self.vertices) != sorted(set(self.vertices)):
@@ -37,8 +33,7 @@ class PlanFacts:
 def plan_facts(mission: Mission) -> PlanFacts:
     """The facts of a mission as the vehicle holds it."""
     plan = leg_plan(mission)
-    left = plan.first_turn > 0 if plan.first_turn else None
-    return PlanFacts(plan.sequence, tuple(float(length) for length in plan.lengths_m), left)
+    return PlanFacts(plan.sequence, tuple(float(length) for length in plan.lengths_m))
 
 
 def plan_headings_rad(mission: Mission) -> dict[tuple[int, int], float]:

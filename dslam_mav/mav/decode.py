@@ -61,24 +61,29 @@ def _from_autopilot(kind: str, message: Any, yaw: bool) -> Observation | None:
 
 
 def autopilot_system(frames: Iterable[Frame]) -> int | None:
-    """The system whose autopilot (component 1, no ground station) is heard most; None if there is none."""
+    """The system whose autopilot (component 1, no ground station) is heard most, of those with readings if any has
+    some; None if there is no autopilot.
+    """
     dialect = messages()
     beats: Counter[int] = Counter()
+    read: set[int] = set()
     for frame in frames:
         message = frame.message
-        if (
+        if message.get_type() == "NAMED_VALUE_FLOAT" and isinstance(decode(frame, message.get_srcSystem()), Reading):
+            read.add(int(message.get_srcSystem()))
+        elif (
             message.get_type() == "HEARTBEAT"
             and message.get_srcComponent() == COMPONENT_AUTOPILOT
             and message.type != dialect.MAV_TYPE_GCS
             and message.autopilot != dialect.MAV_AUTOPILOT_INVALID
         ):
             beats[int(message.get_srcSystem())] += 1
-    return min(beats, key=lambda system: (-beats[system], system)) if beats else None
+    return min(beats, key=lambda system: (system not in read, -beats[system], system)) if beats else None
 
 
-def names_heard(frames: Iterable[Frame]) -> tuple[str, ...]:
-    """Every NAMED_VALUE_FLOAT name in the frames, sorted: to tell somebody whose readings are called
+def names_heard(frames: Iterable[Frame], system: int) -> tuple[str, ...]:
+    """Every name of a NAMED_VALUE_FLOAT from this system, sorted: to tell somebody whose readings are called
     otherwise.
     """
-    named = (frame.message for frame in frames if frame.message.get_type() == "NAMED_VALUE_FLOAT")
-    return tuple(sorted({str(message.name) for message in named}))
+    own = (frame.message for frame in frames if frame.message.get_srcSystem() == system)
+    return tuple(sorted({str(message.name) for message in own if message.get_type() == "NAMED_VALUE_FLOAT"}))

@@ -6,6 +6,7 @@ on the frames logged until then, never on an earlier estimate, so that a replay 
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -14,8 +15,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from dslam_mav.errors import LinkError
-from dslam_mav.legs import LegCollector
+from dslam_mav.errors import DslamError, LinkError, LogError, MissionError
+from dslam_mav.legs import FlownLeg, LegCollector, flight_of
 from dslam_mav.mav import results
 from dslam_mav.mav.decode import decode
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame, messages
@@ -23,7 +24,8 @@ from dslam_mav.mav.watch import FlightWatch
 from dslam_mav.observations import Observation, Progress, Reading
 from dslam_mav.records import Estimate, Flight
 
-Estimator = Callable[[Flight], Estimate]
+Legs = tuple[FlownLeg, ...]
+Estimator = Callable[[Flight, Legs], Estimate]
 
 HEARTBEAT_S = 1.0
 MIN_LEGS = 3
@@ -94,7 +96,7 @@ class Onboard:
         self._quiet_s = quiet_s
         self._worker: ThreadPoolExecutor | None = None
         self._running: tuple[int, Future[Estimate]] | None = None
-        self._waiting: Flight | None = None
+        self._waiting: Legs | None = None
         self._beat_s = self._asked_s = -1e9
         self._legs_flown = 0
         self._progress: Progress | None = None
@@ -103,19 +105,24 @@ class Onboard:
     def run(self, stop: threading.Event) -> Estimate | None:
         """Fly along until the mission is over or `stop` is set; the last estimate, None if no leg was flown.
 
-        LinkError if the vehicle disappears before: `result` is then what the legs until then tell.
+        LinkError if the vehicle disappears before: `result` is then what the legs until then tell. MissionError if
+        the mission ends before it begins. What the last estimate raises is raised only where nothing went wrong
+        before.
         """
         self._asked_s = time.monotonic()
         watch = FlightWatch(self._system, self._asked_s, lost_s=self._lost_s, quiet_s=self._quiet_s)
         with ThreadPoolExecutor(max_workers=1, thread_name_prefix="estimate") as self._worker:
             problem = self._follow(watch, stop)
-            self._finish()
+            failure = self._try_to_finish()
         if problem is not None:
-            self._say(logging.ERROR, problem)
-            raise LinkError(problem)
+            with contextlib.suppress(LogError):
+                self._say(logging.ERROR, str(problem))
+            raise problem from failure
+        if failure is not None:
+            raise failure
         return self.result
 
-    def _follow(self, watch: FlightWatch, stop: threading.Event) -> str | None:
+    def _follow(self, watch: FlightWatch, stop: threading.Event) -> DslamError | None:
         """Until the flight is over: None, or what went wrong."""
         while not stop.is_set():
             now_s = time.monotonic()
@@ -124,12 +131,14 @@ class Onboard:
                 watch.see(frame, now_s)
                 self._take(frame)
             elif broken is not None:
-                return None if watch.ended else f"{broken}, after {self._legs()} flown"
+                return None if watch.ended else LinkError(f"{broken}, after {self._legs()} flown")
             self._collect_estimate()
             if watch.over(self.collector, now_s):
-                return None
-            if frame is None and watch.lost(now_s):
-                return f"vehicle {self._system} fell silent for {self._lost_s:g} s, after {self._legs()} flown"
+                return None if self.collector.last_event else MissionError(self._nothing_flown())
+            if watch.lost(now_s):
+                return LinkError(
+                    f"vehicle {self._system} fell silent for {self._lost_s:g} s, after {self._legs()} flown"
+                )
         return None
 
     def _exchange(self, now_s: float) -> tuple[Frame | None, LinkError | None]:
@@ -159,12 +168,12 @@ class Onboard:
             return
         self._record(frame.received_ns, observation)
         if self.collector.add(observation):
-            flight = self.collector.flight()
-            if len(flight.legs) > self._legs_flown:
-                self._legs_flown = len(flight.legs)
+            legs = self.collector.legs()
+            if len(legs) > self._legs_flown:
+                self._legs_flown = len(legs)
                 self._on_update(Update(self._legs_flown))
                 if self._legs_flown >= MIN_LEGS:
-                    self._waiting = flight  # a flight still waiting is out of date
+                    self._waiting = legs  # those still waiting are out of date
 
     def _record(self, received_ns: int, observation: Observation) -> None:
         if isinstance(observation, Reading):
@@ -183,8 +192,22 @@ class Onboard:
             else:
                 self._publish(done.result(), legs_flown, final=False)
         if self._running is None and self._waiting is not None and self._worker is not None:
-            self._running = len(self._waiting.legs), self._worker.submit(self._estimate, self._waiting)
+            self._running = len(self._waiting), self._submit(self._worker, self._waiting)
             self._waiting = None
+
+    def _submit(self, worker: ThreadPoolExecutor, legs: Legs) -> Future[Estimate]:
+        """Flight and legs are one snapshot: more may be flown before it is estimated."""
+        return worker.submit(self._estimate, flight_of(legs), legs)
+
+    def _try_to_finish(self) -> Exception | None:
+        """The last estimate; what it raised is logged and given back."""
+        try:
+            self._finish()
+        except Exception as error:
+            with contextlib.suppress(LogError):
+                self._say(logging.ERROR, f"no estimate of the whole flight: {error}")
+            return error
+        return None
 
     def _finish(self) -> None:
         """The estimate of the whole flight, from scratch; heartbeats go on meanwhile, frames are no longer
@@ -196,7 +219,7 @@ class Onboard:
         if not legs or self._worker is None:
             self._say(logging.WARNING, "no leg with readings was flown: nothing to estimate")
             return
-        done = self._worker.submit(self._estimate, self.collector.flight(final=True))
+        done = self._submit(self._worker, legs)
         while not done.done():
             try:
                 self._keep_in_touch(time.monotonic())
@@ -242,6 +265,9 @@ class Onboard:
 
     def _say(self, level: int, text: str) -> None:
         self._recorder.text(time.time_ns(), level, text)
+
+    def _nothing_flown(self) -> str:
+        return f"vehicle {self._system} ended its mission before any item of it was passed: no leg was flown"
 
     def _legs(self) -> str:
         n = len(self.collector.legs(final=True))

@@ -1,9 +1,10 @@
 """Scene files: sources, path, sampling and noise of a synthetic flight (JSON, no unknown keys).
 
 Places are metres [east, north(, up)] from home. Each leg is read at s = 0, Ts, … < l_j (or every `interval_s`
-of the flight); time runs on over the flight at `speed_m_s` from `start_s`. SNR = 10·log10(mean squared
-noiseless reading without ambient / noise variance), over all readings of the flight. `static` holds the field
-as it is at the flight's first reading.
+of the flight); time runs on over the flight at `speed_m_s`. All times in a scene are scene time, in which the
+first leg begins at `sampling.start_s` (0). An estimate counts from the start of the first leg: a scene's
+`activation_s` is `activation_s − start_s` there. SNR = 10·log10(mean squared noiseless reading without ambient /
+noise variance), over all readings of the flight. `static` holds the field as it is at the flight's first reading.
 """
 
 from __future__ import annotations

@@ -50,7 +50,10 @@ class PathOfScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Sampling(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """How a leg is read: every `spacing_m` from its start, or every `interval_s` of the flight."""
+    """How a leg is read: every `spacing_m` from its start, or every `interval_s` of the flight.
+
+    `start_s` is the scene time at which the first leg begins.
+    """
 
     speed_m_s: float
     spacing_m: float | None = None

@@ -45,9 +45,9 @@ def test_noiseless_readings_give_the_truth(k_sources):
     [
         (Medium(static=True, ambient=None), None),
         (Medium(diffusivity_m2_s=0.25 / 44.8, activation_s=-44.8), 2.0),
-        (Medium(diffusivity_m2_s=0.25 / 44.8, ambient=None), 2.0),
+        (Medium(diffusivity_m2_s=0.25 / 44.8, activation_s="shared", ambient=None), 2.0),
         (Medium(activation_s=-44.8, ambient=None), 2.0),
-        (Medium(ambient=None), 2.0),
+        (Medium(activation_s="shared", ambient=None), 2.0),
     ],
 )
 def test_what_is_unknown_of_the_medium_is_found(medium, age):
@@ -58,7 +58,7 @@ def test_what_is_unknown_of_the_medium_is_found(medium, age):
         medium = replace(
             medium,
             diffusivity_m2_s=None if medium.diffusivity_m2_s is None else mu,
-            activation_s=None if medium.activation_s is None else tau,
+            activation_s="shared" if medium.activation_s == "shared" else tau,
         )
     result = estimate(case.flight, medium, 2)
     np.testing.assert_allclose(_by_x(result), case.position_m[np.argsort(case.position_m[:, 0])], atol=0.02)
@@ -204,6 +204,31 @@ class TestVerdicts:
             assert likelihoods[0] - min(likelihoods) < 4.6
             assert all(not e.alternatives for e in result.alternatives)
 
+    def test_a_field_that_stands_still_has_no_age(self):
+        case = random_case((33,), 2, 40.0)
+        result = estimate(case.flight, Medium(activation_s="shared"), 2)
+        assert result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS)
+        assert np.isnan(result.sources.activation_s).all()
+        assert result.medium.diffusivity_m2_s is None
+        assert result.spread_m == pytest.approx(1.0, rel=0.05)
+
+    @pytest.mark.parametrize("medium", [KNOWN, FREE])
+    def test_odd_readings_never_raise(self, medium):
+        case = random_case((34,), 2, 30.0)
+        rng = np.random.default_rng(0)
+        for change in (
+            lambda j, leg: replace(leg, distance_m=np.full(64, 1.0)),
+            lambda j, leg: replace(leg, distance_m=leg.distance_m + (1e4 if j == 2 else 0.0)),
+            lambda j, leg: replace(leg, reading=np.zeros(64)),
+            lambda j, leg: replace(leg, reading=-leg.reading),
+            lambda j, leg: replace(leg, reading=rng.standard_normal(64)),
+            lambda j, leg: replace(leg, reading=np.where(np.arange(64) == 5, 1e3, 0.0)),
+            lambda j, leg: replace(leg, reading=leg.reading * 1e200),
+        ):
+            result = estimate(_with(case.flight, change), medium, 2)
+            assert result.reason
+            assert result.residual.shape == (448,)
+
 
 class TestNumberOfSources:
     @pytest.mark.parametrize("k_sources", [2, 3])
@@ -216,8 +241,41 @@ class TestNumberOfSources:
         result = estimate(random_case((2, 3, 50), 3, 30.0).flight, KNOWN, max_sources=2)
         assert len(result.sources) <= 2
 
+    def test_is_not_raised_by_a_small_misfit(self):
+        """A shape the model does not have must not be mended by one more source, whichever side of a test it falls."""
+        for seed in range(4):
+            case = random_case((seed, 2, 51), 2, 30.0)
+            bend = 1.0 + 0.25 * seed
+            flight = _readings(
+                case.flight, lambda _, y, b=bend: y + 0.004 * b * np.ptp(y) * np.sin(np.linspace(0.0, 9.0, y.size))
+            )
+            assert len(estimate(flight, KNOWN).sources) == 2
+
 
 class TestKnownHeadings:
+    @pytest.mark.parametrize("first_turn_deg", [0.0, 1.0, 2.0])
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_tell_left_from_right_where_the_first_turn_hardly_does(self, first_turn_deg, side):
+        turns = np.radians([first_turn_deg, 154.3, 154.3, 154.3, 154.3, 154.3, 154.3])
+        lengths = np.array([1.6, 1.6, 3.2, 3.2, 3.2, 3.2, 3.2, 3.2])
+        path = from_turns(lengths, side * turns)
+        for seed in range(3):
+            case = random_case((seed, 31), 2, 30.0, vertices=path)
+            headings = np.concatenate([[0.0], side * np.cumsum(turns)])
+            rng = np.random.default_rng(seed)
+            given = headings + np.radians(3.0) * rng.standard_normal(headings.size)
+            result = estimate(case.flight, KNOWN, 2, heading_prior=(given, np.radians(5.0)))
+            assert result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS)
+            turned = np.angle(np.exp(1j * (result.path.heading_rad - headings)))
+            assert np.abs(turned).max() < np.radians(15.0)
+
+    def test_that_contradict_the_readings_are_told(self):
+        case = random_case((27,), 2, 30.0)
+        wrong = case.heading_rad.copy()
+        wrong[3] += 1.5
+        result = estimate(case.flight, KNOWN, 2, heading_prior=(wrong, 0.02))
+        assert result.verdict is not Verdict.IDENTIFIED
+
     def test_anchor_the_answer(self):
         case = random_case((27,), 2, 30.0)
         plain = estimate(case.flight, KNOWN, 2)
@@ -255,6 +313,7 @@ class TestKnownHeadings:
         ({"n_sources": 9}, "n_sources"),
         ({"n_sources": 2.5}, "n_sources"),
         ({"max_sources": 0}, "max_sources"),
+        ({"max_sources": 9}, "max_sources"),
         ({"method": "magic"}, "method"),
         ({"closed_sd_m": -1.0}, "closed_sd_m"),
         ({"heading_prior": (np.zeros(3), 0.1)}, "heading_prior"),
@@ -277,6 +336,7 @@ def test_misuse_names_the_argument(arguments, named):
         (lambda: Flight((Leg(1.0, [0.0], [5.0], [1.0]), Leg(1.0, [0.0], [4.0], [1.0]))), r"legs\[1\].time_s"),
         (lambda: Medium(spread_m=-1.0, static=True), "spread_m"),
         (lambda: Medium(spread_m=1.0), "spread_m"),
+        (lambda: estimate(random_case((1,), 2, 30.0).flight, Medium(), 2), "activation_s"),
         (lambda: estimate(Flight(()), KNOWN, 2), "flight"),
         (lambda: estimate(random_case((1,), 2, 30.0).flight, Medium(activation_s=0.0), 2), "activation_s"),
     ],

@@ -85,8 +85,19 @@ def test_the_vehicle_is_the_autopilot_heard_most():
     assert autopilot_system([*others, heartbeat(4), heartbeat(3), heartbeat(3)]) == 3
 
 
+def test_the_autopilot_with_readings_is_the_vehicle_though_another_is_heard_more():
+    beat = M.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3)
+    more, fewer = [frame(beat, system=1)] * 9, [frame(beat, system=4)] * 2
+    sensor = frame(named(b"THERMAL"), system=4, component=158)
+    assert autopilot_system([*more, *fewer]) == 1
+    assert autopilot_system([*more, *fewer, sensor]) == 4
+    assert autopilot_system([*more, *fewer, frame(named(b"LUX"), system=4)]) == 1
+    assert autopilot_system([*more, *fewer, frame(named(b"THERMAL"), system=4, component=191)]) == 1
+
+
 def test_names_heard_are_listed_for_somebody_who_calls_readings_otherwise():
-    assert names_heard([frame(named(b"TEMP")), frame(named(b"LUX")), frame(named(b"TEMP"))]) == (
+    heard = [frame(named(b"TEMP")), frame(named(b"LUX")), frame(named(b"TEMP")), frame(named(b"OTHER"), system=8)]
+    assert names_heard(heard, 7) == (
         "LUX",
         "TEMP",
     )

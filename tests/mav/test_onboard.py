@@ -10,13 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from flown import fly, heartbeat
+from flown import fly, heartbeat, reading
 
-from dslam_mav.errors import LinkError
-from dslam_mav.legs import LegCollector, PlanFacts
+from dslam_mav.errors import LinkError, MissionError
+from dslam_mav.legs import FlownLeg, LegCollector, PlanFacts
 from dslam_mav.mav.frames import Frame, Parser, messages, parse_frame
 from dslam_mav.mav.link import Link
 from dslam_mav.mav.onboard import Onboard
+from dslam_mav.mav.watch import FlightWatch
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
 from dslam_mav.replay import flight_from_frames
 
@@ -24,7 +25,7 @@ PLAN = PlanFacts((1, 2, 3, 4, 5), (30.0,) * 4)
 M = messages()
 
 
-def stand_in(flight: Flight) -> Estimate:
+def stand_in(flight: Flight, legs: tuple[FlownLeg, ...] = ()) -> Estimate:
     """An "estimate" that depends on every bit of the flight."""
     sums = [float((leg.distance_m * leg.reading * (1.0 + leg.time_s)).sum()) for leg in flight.legs]
     n = len(flight.legs)
@@ -183,7 +184,7 @@ def test_results_and_heartbeats_come_back_from_component_191(vehicle: Vehicle):
 
 
 def test_a_slow_estimate_loses_no_frame(vehicle: Vehicle):
-    def slow(flight: Flight) -> Estimate:
+    def slow(flight: Flight, legs: tuple[FlownLeg, ...]) -> Estimate:
         time.sleep(0.4)
         return stand_in(flight)
 
@@ -254,7 +255,7 @@ def test_no_leg_is_no_estimate_and_says_so(vehicle: Vehicle):
 
 
 def test_an_estimate_that_fails_under_way_does_not_end_the_flight(vehicle: Vehicle):
-    def fragile(flight: Flight) -> Estimate:
+    def fragile(flight: Flight, legs: tuple[FlownLeg, ...]) -> Estimate:
         if len(flight.legs) < 4:
             raise ValueError("n_sources: too many")
         return stand_in(flight)
@@ -273,3 +274,89 @@ def test_a_silent_autopilot_is_asked_for_its_streams(vehicle: Vehicle):
     assert asked[M.MAVLINK_MSG_ID_LOCAL_POSITION_NED] == 50_000
     assert M.MAVLINK_MSG_ID_MISSION_CURRENT in asked
     assert M.MAVLINK_MSG_ID_ATTITUDE not in asked
+
+
+def test_a_vehicle_that_disappears_is_missed_while_others_go_on_sending(vehicle: Vehicle):
+    flown = fly()
+    cut = next(i for i, f in enumerate(flown.frames) if f.received_ns > (flown.corner_ms[3] + 500) * 1_000_000)
+    t = flown.corner_ms[3] + 500
+    others = [reading(t + k, 20.0, t + k) for k in range(300)]  # a frame every 5 ms, for 1.5 s
+    original = vehicle.send
+
+    def send(frames, pause_every=100):
+        original(frames)
+        original(others, 1)
+
+    vehicle.send = send
+    begin_s = time.monotonic()
+    _, log, _, raised = run(vehicle, flown.frames[:cut], lost_s=0.5)
+    assert str(raised) == "vehicle 1 fell silent for 0.5 s, after 3 legs were flown"
+    assert 0 < sum(r.time_boot_ms >= t for r in log.readings) < len(others)  # it did not wait for their end
+    assert log.estimates[-1][1:] == (3, True)
+    assert time.monotonic() - begin_s < 10.0
+
+
+def test_a_pause_of_our_own_is_no_silence_of_the_vehicle():
+    watch = FlightWatch(1, 0.0, lost_s=5.0)
+    watch.see(heartbeat(1), 1.0)
+    assert not watch.lost(1.0)
+    bridge = reading(1, 20.0, 1)
+    watch.see(bridge, 60.0)  # we slept; a heartbeat waits behind this reading
+    assert not watch.lost(60.0)
+    for k in range(60):
+        watch.see(bridge, 60.0 + 0.1 * k)
+    assert not any(watch.lost(60.0 + 0.1 * k) for k in range(40))
+    assert any(watch.lost(64.0 + 0.1 * k) for k in range(20))
+
+
+@pytest.mark.parametrize("plan", [PLAN, None])
+def test_a_flight_that_is_over_before_any_item_was_passed_ends(vehicle: Vehicle, plan):
+    stop = threading.Event()
+    timer = threading.Timer(8.0, stop.set)
+    timer.start()
+    log = Log()
+    with Link(vehicle.url, system=1, component=191) as link:
+        onboard = Onboard(link, 1, LegCollector(plan), stand_in, log, quiet_s=0.4, lost_s=60.0)
+        sender = threading.Thread(target=vehicle.send, args=([heartbeat(1), heartbeat(2, armed=False)],))
+        sender.start()
+        with pytest.raises(MissionError, match="ended its mission before any item of it was passed"):
+            onboard.run(stop)
+        sender.join()
+    timer.cancel()
+    assert not stop.is_set()
+    assert onboard.result is None
+    assert log.texts[-1].startswith("vehicle 1 ended its mission")
+
+
+def test_a_last_estimate_that_fails_is_logged_and_hides_nothing(vehicle: Vehicle):
+    def broken(flight: Flight, legs: tuple[FlownLeg, ...]) -> Estimate:
+        raise ValueError("n_sources: too many")
+
+    flown = fly()
+    cut = next(i for i, f in enumerate(flown.frames) if f.received_ns > (flown.corner_ms[3] + 500) * 1_000_000)
+    _, log, _, raised = run(vehicle, flown.frames[:cut], estimate=broken, lost_s=0.5)
+    assert str(raised) == "vehicle 1 fell silent for 0.5 s, after 3 legs were flown"
+    assert isinstance(raised.__cause__, ValueError)
+    assert "no estimate of the whole flight: n_sources: too many" in log.texts
+    assert str(raised) in log.texts
+
+
+def test_a_last_estimate_that_fails_after_a_whole_flight_is_raised(vehicle: Vehicle):
+    def broken(flight: Flight, legs: tuple[FlownLeg, ...]) -> Estimate:
+        raise ValueError("n_sources: too many")
+
+    with pytest.raises(ValueError, match="too many"):
+        run(vehicle, fly(late_ms=300).frames, estimate=broken)
+
+
+def test_flight_and_legs_of_an_estimate_are_one_snapshot(vehicle: Vehicle):
+    seen = []
+
+    def slow(flight: Flight, legs: tuple[FlownLeg, ...]) -> Estimate:
+        time.sleep(0.3)
+        seen.append([leg.time_ms.size for leg in legs] == [leg.time_s.size for leg in flight.legs])
+        return stand_in(flight)
+
+    run(vehicle, fly(late_ms=300).frames, estimate=slow)
+    assert seen
+    assert all(seen)

@@ -1,0 +1,112 @@
+"""The estimator as it was set up: which legs' headings it is told, and from where it is anchored."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from flown import STAR, fly
+from numpy.typing import ArrayLike
+
+from dslam_mav import assumed
+from dslam_mav.assumed import estimator, visible_plan
+from dslam_mav.assumptions import Assumptions
+from dslam_mav.commands.outcome import truth_of
+from dslam_mav.legs import FlownLeg, LegCollector, flight_of, plan_facts
+from dslam_mav.mav.decode import decode
+from dslam_mav.mav.frames import Frame
+from dslam_mav.mission import Home, Mission, MissionItem, enu_to_e7, leg_plan
+from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Truth, Verdict
+
+HOME = Home(47.3, 8.5)
+
+
+def mission() -> Mission:
+    takeoff = MissionItem(22, 3, (0.0, 0.0, 0.0, math.nan), 0, 0, 10.0)
+    shifted = [(north + 3.0, east + 5.0) for north, east in STAR]
+    corners = [MissionItem(16, 3, (0.0,) * 4, *enu_to_e7(e, n, HOME), 10.0) for n, e in shifted]
+    return Mission((takeoff, *corners), HOME)
+
+
+def unreported(frames: list[Frame], seq: int) -> list[Frame]:
+    """Without any word of one item having been passed."""
+
+    def told(frame: Frame) -> bool:
+        kind, message = frame.message.get_type(), frame.message
+        return (kind == "MISSION_ITEM_REACHED" and message.seq == seq) or (
+            kind == "MISSION_CURRENT" and message.seq in (seq, seq + 1)
+        )
+
+    return [frame for frame in frames if not told(frame)]
+
+
+def collected(frames: list[Frame]) -> LegCollector:
+    collector = LegCollector(plan_facts(mission()))
+    for frame in frames:
+        observation = decode(frame, 1)
+        if observation is not None:
+            collector.add(observation)
+    return collector
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The headings that the estimator was told, flight by flight; its answers begin at (0, 0)."""
+    heard: list[Any] = []
+
+    def stand_in(flight: Flight, *_: Any, heading_prior: tuple[ArrayLike, float] | None, **__: Any) -> Estimate:
+        heard.append(None if heading_prior is None else heading_prior[0])
+        n = len(flight.legs)
+        return Estimate(
+            sources=Sources([[1.0, 2.0]], [3.0], [4.0], [-1.0]), path=Path(np.zeros((n + 1, 2)), np.zeros(n)),
+            medium=Medium(), verdict=Verdict.IDENTIFIED, reason="", spread_m=1.0,
+            position_covariance_m2=np.eye(2)[None], path_aligned_covariance_m2=np.eye(2)[None],
+            parameter_covariance=np.zeros((0, 0)), parameter_names=(), noise_sd=0.1, log_likelihood=0.0,
+            residual=np.zeros(0),
+        )  # fmt: skip
+
+    monkeypatch.setattr(assumed, "estimate", stand_in)
+    return heard
+
+
+def answer(collector: LegCollector, legs: tuple[FlownLeg, ...]) -> Estimate:
+    return estimator(Assumptions(heading="plan"), collector, mission())(flight_of(legs), legs)
+
+
+def test_an_anchored_answer_begins_where_the_legs_used_begin(told: list[Any]) -> None:
+    vertices_m = leg_plan(mission()).vertices_m
+    for frames, first in ((fly().frames, 0), (unreported(fly().frames, 2), 2)):
+        collector = collected(frames)
+        legs = collector.legs(final=True)
+        assert legs[0].start_seq == first + 1
+        result = answer(collector, legs)
+        assert result.path.vertices_m[0].tolist() == vertices_m[first].tolist()
+        assert (result.sources.position_m - vertices_m[first]).tolist() == pytest.approx(np.array([[1.0, 2.0]]))
+
+
+def test_headings_are_of_the_very_legs_that_are_estimated(told: list[Any]) -> None:
+    collector = collected(fly().frames)
+    legs = collector.legs(final=True)
+    answer(collector, legs[1:3])  # more was flown since, and the chain began elsewhere then
+    assert told[-1].tolist() == leg_plan(mission()).headings_rad[1:3].tolist()
+
+
+def test_truth_begins_and_ends_with_the_legs_used() -> None:
+    vertices_m = leg_plan(mission()).vertices_m
+    truth = Truth(np.array([[1.0, 2.0]]), np.array([3.0]), vertices_m)
+    legs = collected(unreported(fly().frames, 2)).legs(final=True)
+    cut = truth_of(truth, mission(), legs)
+    assert cut is not None
+    assert cut.vertices_m.tolist() == vertices_m[2:].tolist()
+    assert cut.source_position_m.tolist() == truth.source_position_m.tolist()
+    assert truth_of(truth, None, legs) is truth
+    assert truth_of(truth, mission(), ()) is truth
+    assert truth_of(None, mission(), legs) is None
+
+
+def test_the_plan_is_not_given_to_an_estimator_that_may_not_see_headings() -> None:
+    assert visible_plan(Assumptions(), mission()) is None
+    assert visible_plan(Assumptions(heading="vehicle"), mission()) == mission()
+    assert visible_plan(Assumptions(heading="plan"), mission()) == mission()
