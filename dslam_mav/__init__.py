@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dslam_mav.dslam.estimator import estimate
     from dslam_mav.dslam.predict import bound
-    from dslam_mav.flight_log import read_log
+    from dslam_mav.flight_log import read_flight, read_log
     from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
-    from dslam_mav.replay import read_flight
 
 __version__ = "0.1.0"
 
@@ -36,7 +35,7 @@ __all__ = [
 _HOMES = {
     "bound": "dslam_mav.dslam.predict",
     "estimate": "dslam_mav.dslam.estimator",
-    "read_flight": "dslam_mav.replay",
+    "read_flight": "dslam_mav.flight_log",
     "read_log": "dslam_mav.flight_log",
 }
 

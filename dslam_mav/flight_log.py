@@ -12,8 +12,8 @@ from dslam_mav.legs import Distance, plan_facts
 from dslam_mav.log import reader
 from dslam_mav.mav.frames import parse_frame
 from dslam_mav.mission import DEGREES_E7, GLOBAL_FRAMES, Home, Mission, MissionItem, without_home_item
-from dslam_mav.records import Leg
-from dslam_mav.replay import flight_from_frames
+from dslam_mav.records import Flight, Leg
+from dslam_mav.replay import flight_from_frames, flight_from_log
 
 _MISSION_ATTACHMENT = "mission.waypoints"
 _CONFIGURATION_ATTACHMENT = "configuration.json"
@@ -44,6 +44,14 @@ def read_log(path: Path | str) -> LoggedFlight:
         mission = mission if flown.home_item else without_home_item(mission)
     held = {field.name: getattr(log, field.name) for field in fields(log)}
     return LoggedFlight(**held, legs=_legs(log, str(path), mission, flown), mission=mission)
+
+
+def read_flight(path: Path | str) -> Flight:
+    """The flight in a .mcap log, its legs as on board, or in a .tlog; BadInputError says what the log lacks."""
+    path = Path(path)
+    if path.suffix == ".mcap" and (legs := read_log(path).legs):
+        return Flight(legs)
+    return flight_from_log(path).flight
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,11 +26,6 @@ class Replayed:
     collector: LegCollector
 
 
-def read_flight(path: Path | str) -> Flight:
-    """The flight in a .mcap or .tlog file, its legs as the vehicle reported them; BadInputError as below."""
-    return flight_from_log(Path(path)).flight
-
-
 def flight_from_log(
     path: Path,
     *,

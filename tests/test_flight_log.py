@@ -10,6 +10,7 @@ from flown import fly
 
 import dslam_mav
 from dslam_mav.errors import BadInputError
+from dslam_mav.flight_log import read_flight
 from dslam_mav.log import Recorder
 from dslam_mav.mission import (
     CMD_CHANGE_SPEED,
@@ -21,7 +22,6 @@ from dslam_mav.mission import (
     without_home_item,
 )
 from dslam_mav.observations import Reading
-from dslam_mav.replay import read_flight
 from missions.patterns import pattern
 from missions.plan import Profile, plan_mission
 from missions.plan_file import parse_plan, plan_bytes

@@ -11,11 +11,12 @@ import pytest
 from flown import fly, pack
 
 from dslam_mav.errors import BadInputError
+from dslam_mav.flight_log import read_flight
 from dslam_mav.legs import PlanFacts
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mav.frames import Frame, messages
 from dslam_mav.mav.tlog import read_tlog
-from dslam_mav.replay import flight_from_log, read_flight
+from dslam_mav.replay import flight_from_log
 
 FLIGHTS = Path(__file__).parents[2] / "shared" / "data" / "flights"
 

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 UNIDENTIFIED_SPREADS = 2.0  # of √C: a source less sure than this is not identified
 LAYOUTS = 200
+READINGS_PER_SPREAD = 20.0
+MOST_READINGS = 2000  # in all: what more would add is smaller than what layouts differ by
 APART_SPREADS = 0.8
 AMPLITUDE_RATIO = 4.0
 
@@ -168,7 +170,7 @@ def outlook(vertices_m: ArrayLike, medium: Medium, layouts: Layouts, rng: np.ran
     """The bound over `LAYOUTS` random layouts, 20 readings a spread."""
     path = np.asarray(vertices_m, dtype=np.float64)
     mean_leg = float(np.linalg.norm(np.diff(path, axis=0), axis=1).mean())
-    readings = max(8, min(400, round(20.0 * mean_leg / layouts.spread_m)))
+    readings = max(8, min(round(READINGS_PER_SPREAD * mean_leg / layouts.spread_m), MOST_READINGS // (len(path) - 1)))
     rows = []
     for _ in range(LAYOUTS):
         sources = _random_sources(layouts, rng)
