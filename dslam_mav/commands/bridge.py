@@ -6,7 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from dslam_mav.commands.background import background
-from dslam_mav.commands.readings import open_readings
+from dslam_mav.commands.readings import open_readings, places_m
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
 from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_GROUND, SYSTEM_GROUND
@@ -29,7 +29,7 @@ def run(options: Namespace) -> int:
     if len(legs.sequence) < 2:
         where = options.plan or f"vehicle {system}'s mission"
         raise BadInputError(f"{where}: {len(legs.sequence)} waypoints: expected 2 or more, to read between")
-    readings = open_readings(options, legs.vertices_m, None)
+    readings = open_readings(options, places_m(mission), None)
     for note in readings.notes:
         screen.say(note)
     with Link(options.connect, system=system, component=COMPONENT_BRIDGE) as link:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
+import numpy as np
+
 from dslam_mav.commands.assume import assumptions_from
 from dslam_mav.commands.flying import Setup, fly
 from dslam_mav.commands.folder import flight_folder
 from dslam_mav.commands.outcome import show, write_report
-from dslam_mav.commands.readings import open_readings
+from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
 from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError
@@ -49,15 +51,26 @@ def _set_up(options: Namespace) -> Setup:
         mission, name, notes = _with_home(plan.mission, options.plan), Path(options.plan).name, plan.notes
     else:
         own = open_readings(options, None, None)
-        profile = Profile(altitude_m=ALTITUDE_M, speed_m_s=own.speed_m_s, hold_s=0.0)
-        mission, name = plan_mission(own.vertices_m, DEFAULT_HOME, profile), f"the path of {own.name}"
+        profile = Profile(altitude_m=_height_m(own), speed_m_s=own.speed_m_s, hold_s=0.0)
+        mission, name = plan_mission(own.vertices_m[:, :2], DEFAULT_HOME, profile), f"the path of {own.name}"
     legs = leg_plan(mission)
     if len(legs.vertices_m) < 2:
         raise BadInputError(
             f"{options.plan}: {len(legs.vertices_m)} waypoints: expected 2 or more, to fly legs between"
         )
-    readings = open_readings(options, legs.vertices_m, _speed_m_s(mission))
+    readings = open_readings(options, places_m(mission), _speed_m_s(mission))
     return Setup(mission, readings, assumptions_from(options, medium=readings.medium), name, notes)
+
+
+def _height_m(own: Readings) -> float:
+    """The height of a path in space, which must be one; where a path has none, the usual."""
+    if own.vertices_m.shape[1] == 2:
+        return ALTITUDE_M
+    heights_m = own.vertices_m[:, 2]
+    if np.ptp(heights_m) > 0.0:
+        low, high = heights_m.min(), heights_m.max()
+        raise BadInputError(f"{own.name}: path.vertices_m: expected one height, got {low:g} to {high:g} m: give a PLAN")
+    return float(heights_m[0])
 
 
 def _with_home(mission: Mission, name: str) -> Mission:

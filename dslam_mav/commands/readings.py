@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dslam_mav.errors import BadInputError
+from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Array, Medium, Truth
 from missions.patterns import pattern
 from sim_bridge.fields.demonstration import RecordedDemo, recorded_demo
@@ -21,6 +22,9 @@ from sim_bridge.sampling import Sampling
 DEFAULT_SCENE = Path(__file__).parents[2] / "sim_bridge" / "scenes" / "star7_three_sources.json"
 LEG_SPREADS = 2.6  # legs of the mission flown over a recording
 READINGS_PER_LEG = 64
+IN_SPACE = (
+    "{}: sources in space; the estimate is of the slice flown: places on the map, amplitudes as this height sees them"
+)
 RECORDED_SPREAD_M = 10.0
 RECORDED_LAST_FRAME = 4  # later ones of the shipped demonstration touch its edges
 
@@ -43,6 +47,13 @@ class Readings:
     name: str
     attachment: tuple[str, str, bytes] | None = None
     notes: tuple[str, ...] = ()
+
+
+def places_m(mission: Mission) -> Array:
+    """(V, 3) where a mission's path turns: metres east and north of home, and up as its waypoints say."""
+    legs = leg_plan(mission)
+    heights_m = [mission.items[seq].z for seq in legs.sequence]
+    return np.column_stack([legs.vertices_m, np.array(heights_m, dtype=np.float64)])
 
 
 def open_readings(options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
@@ -74,8 +85,7 @@ def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_
     vertices = vertices_m if vertices_m is not None else own
     if vertices is None:
         raise BadInputError(f"{path}: path: no vertices_m and no plan was given: there is nothing to fly")
-    if scene.medium.dimensions == 3 and vertices.shape[1] == 2:
-        vertices = np.column_stack([vertices, np.zeros(len(vertices))])
+    vertices = vertices[:, : scene.medium.dimensions]
     seed = scene.seed if options.seed is None else options.seed
     known = truth(scene, vertices)
     flat = Truth(known.source_position_m[:, :2], known.amplitude, known.vertices_m[:, :2])
@@ -85,11 +95,12 @@ def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_
         noise_sd=scene.noise_sd(vertices),
         rng=np.random.default_rng(seed),
         speed_m_s=speed_m_s or scene.sampling.speed_m_s,
-        vertices_m=vertices[:, :2],
+        vertices_m=vertices,
         truth=flat if scene.medium.dimensions == 2 else None,
         medium=scene.estimator_medium(),
         name=path.name,
         attachment=("scene.json", "application/json", encode_scene(scene)),
+        notes=(IN_SPACE.format(path.name),) if scene.medium.dimensions == 3 else (),
     )
 
 
@@ -100,7 +111,7 @@ def _from_frames(path: Path, options: Namespace, vertices_m: Array | None, speed
         first, last = _frames(options.frames, path)
     copies = options.copies or (options.sources if isinstance(options.sources, int) else 2)
     leg_m = LEG_SPREADS * RECORDED_SPREAD_M
-    vertices = pattern("star7", leg_m, centre_m=(0.0, 0.0)) if vertices_m is None else vertices_m
+    vertices = pattern("star7", leg_m, centre_m=(0.0, 0.0)) if vertices_m is None else vertices_m[:, :2]
     speed = speed_m_s or 5.0
     length_m = float(np.linalg.norm(np.diff(vertices, axis=0), axis=1).sum())
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))

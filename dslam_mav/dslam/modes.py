@@ -38,10 +38,6 @@ class Modes:
         """Some of the modes, in the given order."""
         return Modes(self.theta[index], self.s[index], self.alpha[index], self.cost[index], self.rounds)
 
-    def with_cost(self, cost: Array) -> Modes:
-        """The same with these costs."""
-        return replace(self, cost=cost)
-
 
 def no_modes(n_legs: int, k_sources: int) -> Modes:
     """No mode yet."""

@@ -219,3 +219,32 @@ def test_a_configuration_in_the_log_says_how_it_was_flown(flown: Any) -> None:
     attachments = read_log(flown.log).attachments
     assert {"configuration.json", "plan.plan", "scene.json"} <= set(attachments)
     assert json.loads(attachments["configuration.json"])["assumptions"]["n_sources"] == 2
+
+
+def test_a_scene_in_space_is_seen_as_the_slice_flown(tmp_path: Path) -> None:
+    """A plane cuts Gaussians in space in Gaussians: their places on the map stay."""
+    places = [[23.0, 7.7, 16.0], [8.0, 9.7, 24.0]]
+    scene = {
+        "medium": {"diffusivity_m2_s": 0.5, "dimensions": 3, "ambient": 20.0, "static": True},
+        "sources": [{"position_m": p, "amplitude": 40000.0, "activation_s": -50.0} for p in places],
+        "path": {
+            "vertices_m": [
+                [0.0, 0.0, 20.0], [32.0, 0.0, 20.0], [3.17, 13.88, 20.0], [23.12, -11.13, 20.0],
+                [16.0, 20.06, 20.0], [8.88, -11.13, 20.0], [28.83, 13.88, 20.0], [0.0, 0.0, 20.0],
+            ]
+        },
+        "sampling": {"spacing_m": 0.5, "speed_m_s": 5.0},
+        "noise": {"snr_db": 45.0},
+    }  # fmt: skip
+    path = tmp_path / "space.json"
+    path.write_text(json.dumps(scene))
+    done = run("fly", "--scene", path, "--sources", 2, "--out", tmp_path / "logs", "--speedup", 30, "--json")
+    assert done.code == 0, done.err
+    found = sorted(source["position_m"] for source in done.object["sources"])
+    for place, expected in zip(found, sorted(p[:2] for p in places), strict=True):
+        assert place == pytest.approx(expected, abs=0.6)
+    scene["path"]["vertices_m"][3][2] = 25.0
+    path.write_text(json.dumps(scene))
+    refused = run("fly", "--scene", path, "--sources", 2, "--out", tmp_path / "logs")
+    assert refused.code == 2
+    assert "expected one height, got 20 to 25 m" in refused.err
