@@ -151,7 +151,7 @@ class Verdict(IntEnum):
 
 _SENTENCES = {
     Verdict.IDENTIFIED: "Sources and path are identified.",
-    Verdict.AMBIGUOUS: "Other solutions fit the readings as well: see the alternatives.",
+    Verdict.AMBIGUOUS: "Other solutions fit the readings too: see the alternatives.",
     Verdict.NOT_IDENTIFIABLE: "The readings cannot tell where the sources are on this path.",
     Verdict.MODEL_MISFIT: "The readings do not fit the diffusion model: the answer is uncertain beyond its noise.",
     Verdict.NOT_CONVERGED: "The search found no solution that fits the readings.",

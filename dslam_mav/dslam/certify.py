@@ -103,8 +103,8 @@ def verdict(level: Noise, blocks: Array, spread: float, n_alternatives: int, con
         )
     widened = " Residuals are not white, so uncertainties are widened." if level.misfit else ""
     if n_alternatives:
-        others = "one other solution fits" if n_alternatives == 1 else f"{n_alternatives} other solutions fit"
-        return Verdict.AMBIGUOUS, f"In all, {others} the readings about as well.{widened}"
+        others = "one other solution" if n_alternatives == 1 else f"{n_alternatives} other solutions"
+        return Verdict.AMBIGUOUS, f"By the readings, {others} cannot be ruled out.{widened}"
     return Verdict.IDENTIFIED, f"No other solution fits the readings as well.{widened}"
 
 

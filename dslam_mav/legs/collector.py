@@ -109,6 +109,10 @@ class LegCollector:
             lines.append(f"{n} readings had times that are not of the vehicle's clock and were dropped")
         if n := self.counts["restarts"]:
             lines.append(f"the autopilot's clock started again {n} times; the longest unbroken part is used")
+        if not self.names:
+            lines.append("no readings were heard: is the bridge or the sensor running?")
+        if missed := self._missed(legs):
+            lines.append(f"legs 1 to {missed} of the mission are missing: leg 1 here is its leg {missed + 1}")
         for j, leg in enumerate(legs, 1):
             if leg.value.size == 0:
                 lines.append(f"leg {j} of {len(legs)} has no readings")
@@ -117,6 +121,12 @@ class LegCollector:
         if n := self.legs_counts["legs lost"]:
             lines.append(f"{n} legs could not be told apart or measured; the longest unbroken part is used")
         return tuple(lines)
+
+    def _missed(self, legs: tuple[FlownLeg, ...]) -> int:
+        """How many of the plan's legs lie before the first one here."""
+        if self.plan is None or not legs or legs[0].start_seq not in self.plan.vertices:
+            return 0
+        return self.plan.vertices.index(legs[0].start_seq)
 
     def headings_rad(self, legs: tuple[FlownLeg, ...]) -> Array:
         """(L,) the vehicle's mean yaw on each leg as a direction, counter-clockwise from east; NaN where
