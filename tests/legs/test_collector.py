@@ -9,7 +9,7 @@ from flown import Flown, fly, heartbeat, pack, reading
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dslam_mav.legs import PlanFacts
+from dslam_mav.legs import FlownLeg, PlanFacts
 from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.collector import LegCollector
 from dslam_mav.mav.decode import decode
@@ -381,3 +381,12 @@ def test_readings_alone_keep_the_clock_where_no_autopilot_tells_the_time():
     collector = collect(without(flown.frames, "LOCAL_POSITION_NED", "VFR_HUD"), plan=plan, distance="plan")
     assert collector.counts["off the clock"] == 0
     assert collector.flight(final=True).n_readings == len(flown.distance_m) - 1  # none is past the last item
+
+
+def test_a_flight_joined_midway_says_which_legs_are_missing():
+    collector = LegCollector(PlanFacts((2, 3, 4, 5), (10.0, 10.0, 10.0)))
+    s, t = np.array([0.0, 9.0]), np.array([0, 1000])
+    last = FlownLeg(4, 5, 0, 1000, 10.0, s, t, np.array([1.0, 2.0]), "odometry")
+    first = FlownLeg(2, 3, 0, 1000, 10.0, s, t, np.array([1.0, 2.0]), "odometry")
+    assert "legs 1 to 2 of the mission are missing: leg 1 here is its leg 3" in collector.notes((last,))
+    assert not any("missing" in note for note in collector.notes((first,)))
