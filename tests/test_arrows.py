@@ -227,7 +227,7 @@ BAD = {
     "dslam_mav/dslam/a.py": "def f():\n    from pymavlink import mavutil\n    print(np.random.normal())\n",
     "dslam_mav/log/b.py": "from dslam_mav.mav import c\n",
     "dslam_mav/mav/c.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import dslam_mav.log.b\n",
-    "dslam_mav/records.py": "from . import errors\nimport sim_bridge\n",
+    "dslam_mav/records/arrays.py": "from . import errors\nimport sim_bridge\n",
     "dslam_mav/surprise.py": "import sys\nsys.exit(1)\n",
     "sim_bridge/__init__.py": "from dslam_mav.commands.fly import run\n",
 }
@@ -242,8 +242,8 @@ def test_a_house_with_every_fault_is_told_so(tmp_path):
         "dslam_mav.dslam.a:2: dslam may not import pymavlink",
         "dslam_mav.log.b:1: log may not import dslam_mav.mav.c",
         "dslam_mav.mav.c:3: mav may not import dslam_mav.log.b",
-        "dslam_mav.records:1: a relative import",
-        "dslam_mav.records:2: records may not import sim_bridge",
+        "dslam_mav.records.arrays:1: a relative import",
+        "dslam_mav.records.arrays:2: records may not import sim_bridge",
         "dslam_mav.surprise: a new room; say in HOUSE what it may import",
         "sim_bridge:1: sim_bridge may not import dslam_mav.commands.fly",
     ]

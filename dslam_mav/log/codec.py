@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -25,7 +25,7 @@ _LEVELS = {  # Foxglove's (DEBUG 1 … FATAL 5) <-> Python's
     4: logging.ERROR,
     5: logging.CRITICAL,
 }
-_OPTIONAL_MEDIUM = ("diffusivity_m2_s", "spread_m", "ambient", "sensor_lag_s")
+_OPTIONAL_MEDIUM = ("diffusivity_m2_s", "spread_m", "ambient", "sensor_lag_s", "extent")
 
 
 def timestamp(time_ns: int) -> Timestamp:
@@ -102,7 +102,7 @@ def decode_estimate(message: pb.Estimate) -> Estimate:
             np.array(message.sources.peak_reading, dtype=np.float64),
             np.array(message.sources.activation_s, dtype=np.float64),
         ),
-        path=Path(_numbers(message.path.vertices_m), np.array(message.path.heading_rad, dtype=np.float64)),
+        path=_decode_path(message.path),
         medium=_decode_medium(message.medium),
         verdict=Verdict(message.verdict),
         reason=message.reason,
@@ -136,7 +136,7 @@ def _encode(estimate: Estimate) -> pb.Estimate:
             peak_reading=sources.peak_reading.tolist(),
             activation_s=sources.activation_s.tolist(),
         ),
-        path=pb.Path(vertices_m=_array(estimate.path.vertices_m), heading_rad=estimate.path.heading_rad.tolist()),
+        path=_encode_path(estimate.path),
         medium=_encode_medium(estimate.medium),
         spread_m=estimate.spread_m,
         noise_sd=estimate.noise_sd,
@@ -151,6 +151,18 @@ def _encode(estimate: Estimate) -> pb.Estimate:
     )
 
 
+def _encode_path(path: Path) -> pb.Path:
+    message = pb.Path(vertices_m=_array(path.vertices_m), heading_rad=path.heading_rad.tolist())
+    if path.coefficients_m is not None:
+        message.coefficients_m.CopyFrom(_array(path.coefficients_m))
+    return message
+
+
+def _decode_path(message: pb.Path) -> Path:
+    coefficients = _numbers(message.coefficients_m) if message.HasField("coefficients_m") else None
+    return Path(_numbers(message.vertices_m), np.array(message.heading_rad, dtype=np.float64), coefficients)
+
+
 def _encode_medium(medium: Medium) -> pb.Medium:
     message = pb.Medium(static=medium.static, dimensions=medium.dimensions)
     for name in _OPTIONAL_MEDIUM:
@@ -159,6 +171,8 @@ def _encode_medium(medium: Medium) -> pb.Medium:
             setattr(message, name, float(value))
     if isinstance(medium.activation_s, str):
         message.activation_shared = True
+    elif isinstance(medium.activation_s, Sequence):
+        message.activations_s.extend(medium.activation_s)
     elif medium.activation_s is not None:
         message.activation_s = float(medium.activation_s)
     return message
@@ -170,6 +184,8 @@ def _decode_medium(message: pb.Medium) -> Medium:
     }
     if message.activation_shared:
         known["activation_s"] = "shared"
+    if message.activations_s:
+        known["activation_s"] = tuple(message.activations_s)
     return Medium(static=message.static, dimensions=message.dimensions, **known)
 
 

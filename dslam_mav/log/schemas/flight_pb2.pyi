@@ -60,15 +60,17 @@ class Sources(_message.Message):
     def __init__(self, position_m: _Optional[_Union[Array, _Mapping]] = ..., amplitude: _Optional[_Iterable[float]] = ..., peak_reading: _Optional[_Iterable[float]] = ..., activation_s: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Path(_message.Message):
-    __slots__ = ("vertices_m", "heading_rad")
+    __slots__ = ("vertices_m", "heading_rad", "coefficients_m")
     VERTICES_M_FIELD_NUMBER: _ClassVar[int]
     HEADING_RAD_FIELD_NUMBER: _ClassVar[int]
+    COEFFICIENTS_M_FIELD_NUMBER: _ClassVar[int]
     vertices_m: Array
     heading_rad: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, vertices_m: _Optional[_Union[Array, _Mapping]] = ..., heading_rad: _Optional[_Iterable[float]] = ...) -> None: ...
+    coefficients_m: Array
+    def __init__(self, vertices_m: _Optional[_Union[Array, _Mapping]] = ..., heading_rad: _Optional[_Iterable[float]] = ..., coefficients_m: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
 
 class Medium(_message.Message):
-    __slots__ = ("diffusivity_m2_s", "activation_s", "activation_shared", "spread_m", "ambient", "static", "dimensions", "sensor_lag_s")
+    __slots__ = ("diffusivity_m2_s", "activation_s", "activation_shared", "spread_m", "ambient", "static", "dimensions", "sensor_lag_s", "extent", "activations_s")
     DIFFUSIVITY_M2_S_FIELD_NUMBER: _ClassVar[int]
     ACTIVATION_S_FIELD_NUMBER: _ClassVar[int]
     ACTIVATION_SHARED_FIELD_NUMBER: _ClassVar[int]
@@ -77,6 +79,8 @@ class Medium(_message.Message):
     STATIC_FIELD_NUMBER: _ClassVar[int]
     DIMENSIONS_FIELD_NUMBER: _ClassVar[int]
     SENSOR_LAG_S_FIELD_NUMBER: _ClassVar[int]
+    EXTENT_FIELD_NUMBER: _ClassVar[int]
+    ACTIVATIONS_S_FIELD_NUMBER: _ClassVar[int]
     diffusivity_m2_s: float
     activation_s: float
     activation_shared: bool
@@ -85,7 +89,9 @@ class Medium(_message.Message):
     static: bool
     dimensions: int
     sensor_lag_s: float
-    def __init__(self, diffusivity_m2_s: _Optional[float] = ..., activation_s: _Optional[float] = ..., activation_shared: bool = ..., spread_m: _Optional[float] = ..., ambient: _Optional[float] = ..., static: bool = ..., dimensions: _Optional[int] = ..., sensor_lag_s: _Optional[float] = ...) -> None: ...
+    extent: float
+    activations_s: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, diffusivity_m2_s: _Optional[float] = ..., activation_s: _Optional[float] = ..., activation_shared: bool = ..., spread_m: _Optional[float] = ..., ambient: _Optional[float] = ..., static: bool = ..., dimensions: _Optional[int] = ..., sensor_lag_s: _Optional[float] = ..., extent: _Optional[float] = ..., activations_s: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Estimate(_message.Message):
     __slots__ = ("verdict", "verdict_name", "verdict_sentence", "reason", "gauge", "sources", "path", "medium", "spread_m", "noise_sd", "log_likelihood", "position_covariance_m2", "path_aligned_covariance_m2", "parameter_names", "parameter_covariance", "residual", "unseen_directions", "diagnostics_json", "alternatives")

@@ -1,0 +1,96 @@
+"""What was flown and read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dslam_mav.records.arrays import Array, finite, read_only
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """One straight leg: `reading` (N,) taken at `distance_m` (N,) along its line, at `time_s` (N,)."""
+
+    length_m: float
+    distance_m: Array
+    time_s: Array
+    reading: Array
+    length_sd_m: float = 0.0
+    rise_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("distance_m", "time_s", "reading"):
+            array = read_only(getattr(self, name), name, (None,))
+            finite(array, name)
+            object.__setattr__(self, name, array)
+        if not (self.distance_m.size == self.time_s.size == self.reading.size):
+            raise ValueError(
+                f"reading: expected as many as distance_m and time_s, got {self.reading.size}, "
+                f"{self.distance_m.size} and {self.time_s.size}"
+            )
+        if not (np.isfinite(self.length_m) and self.length_m > 0.0):
+            raise ValueError(f"length_m: expected a positive length, got {self.length_m}")
+        if not (np.isfinite(self.length_sd_m) and self.length_sd_m >= 0.0):
+            raise ValueError(f"length_sd_m: expected 0 or more, got {self.length_sd_m}")
+        if self.rise_m is not None and not (np.isfinite(self.rise_m) and abs(self.rise_m) <= self.length_m):
+            raise ValueError(f"rise_m: expected at most the leg's length {self.length_m}, got {self.rise_m}")
+        if (np.diff(self.time_s) <= 0.0).any():
+            raise ValueError("time_s: expected strictly increasing times")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParametricPath:
+    """A curved flight r(t) = Σ_i c_i φ_i(t) (IV-C): `basis` (N, P) has the known φ_i at every reading's `time_s` (N,)."""
+
+    basis: Array
+    time_s: Array
+    reading: Array
+
+    def __post_init__(self) -> None:
+        for name, shape in (("basis", (None, None)), ("time_s", (None,)), ("reading", (None,))):
+            array = read_only(getattr(self, name), name, shape)
+            finite(array, name)
+            object.__setattr__(self, name, array)
+        if not (len(self.basis) == self.time_s.size == self.reading.size):
+            raise ValueError(
+                f"reading: expected as many as time_s and rows of basis, got {self.reading.size}, "
+                f"{self.time_s.size} and {len(self.basis)}"
+            )
+        if (np.diff(self.time_s) <= 0.0).any():
+            raise ValueError("time_s: expected strictly increasing times")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """The legs in the order flown, times strictly increasing over the whole flight; or one `parametric` path instead.
+
+    `closed` says that the path ends where it began.
+    """
+
+    legs: tuple[Leg, ...] = ()
+    parametric: ParametricPath | None = None
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "legs", tuple(self.legs))
+        if self.parametric is not None and self.legs:
+            raise ValueError("parametric: expected either legs or a parametric path, got both")
+        last = -np.inf
+        for j, leg in enumerate(self.legs):
+            if leg.time_s.size and leg.time_s[0] <= last:
+                raise ValueError(f"legs[{j}].time_s: expected times after leg {j - 1}'s last, {last}")
+            last = leg.time_s[-1] if leg.time_s.size else last
+
+    @property
+    def n_readings(self) -> int:
+        """Readings of the whole flight."""
+        if self.parametric is not None:
+            return self.parametric.reading.size
+        return sum(leg.reading.size for leg in self.legs)
+
+    @property
+    def lengths_m(self) -> Array:
+        """(L,) leg lengths."""
+        return np.array([leg.length_m for leg in self.legs])
