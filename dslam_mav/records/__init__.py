@@ -9,5 +9,6 @@ from dslam_mav.records.flight import Flight, Leg, ParametricPath
 from dslam_mav.records.medium import Medium
 
 __all__ = [
-    "Estimate", "Flight", "Gauge", "Leg", "Medium", "ParametricPath", "Path", "Sources", "Truth", "Verdict", "read_only",
+    "Estimate", "Flight", "Gauge", "Leg", "Medium", "ParametricPath", "Path", "Sources", "Truth",
+    "Verdict", "read_only",
 ]  # fmt: skip

@@ -42,7 +42,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParametricPath:
-    """A curved flight r(t) = Σ_i c_i φ_i(t) (IV-C): `basis` (N, P) has the known φ_i at every reading's `time_s` (N,)."""
+    """A curved flight r(t) = Σ_i c_i φ_i(t) (IV-C): `basis` (N, P) holds the known φ_i at every `time_s` (N,)."""
 
     basis: Array
     time_s: Array
