@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,7 +22,7 @@ class Medium:
     """
 
     diffusivity_m2_s: float | None = None
-    activation_s: float | Literal["shared"] | Sequence[float] | None = None
+    activation_s: float | Literal["shared"] | tuple[float, ...] | None = None
     spread_m: float | None = None
     ambient: float | None = 0.0
     static: bool = False
