@@ -7,7 +7,7 @@ answer in the truth's basin is.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise, permutations
 
 import numpy as np
@@ -18,6 +18,7 @@ from dslam_mav.dslam import fit as fitting
 from dslam_mav.dslam import problem as posing
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.field import field, squared_spread_m2
+from dslam_mav.dslam.state import State
 from dslam_mav.records import Estimate
 from missions.patterns import star
 
@@ -39,6 +40,7 @@ class Case:
     heading_rad: Array
     noise_sd: float
     ambient: float
+    age_s: float
 
 
 def random_case(
@@ -88,6 +90,7 @@ def random_case(
         heading_rad=np.arctan2(step[:, 1], step[:, 0]),
         noise_sd=noise_sd,
         ambient=ambient,
+        age_s=age,
     )
 
 
@@ -147,16 +150,12 @@ def judge(case: Case, k_sources: int) -> Judged:
 def truth_fit(case: Case) -> fitting.Fit:
     """The joint fit started at the truth."""
     prob = posing.problem(case.flight, case.medium)
-    spread2 = prob.spread2 if prob.spread2 is not None else 1.0
-    start = posing.State(
-        case.heading_rad - case.heading_rad[0],
-        case.position_m,
-        np.log(case.amplitude),
-        float(np.log(spread2)),
-        float(np.log(prob.age_s)) if prob.age_s is not None else 0.0,
-        case.ambient,
-    )
-    return fitting.fit(prob, start)
+    start = State.flat(prob, case.heading_rad - case.heading_rad[0], case.position_m, np.log(case.amplitude), 0.0)
+    if prob.spread2 is not None:
+        start = replace(start, log_spread2=np.broadcast_to(np.log(prob.spread2), len(case.amplitude)).copy())
+    if prob.rate is None:
+        start = replace(start, log_rate=float(np.log(1.0 / case.age_s)))
+    return fitting.fit(prob, replace(start, ambient=case.ambient))
 
 
 def _matching(position: Array, truth: Array) -> list[int]:
