@@ -20,7 +20,7 @@ from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.certify import too_few
 from dslam_mav.dslam.priors import Priors, priors_of
 from dslam_mav.dslam.problem import problem
-from dslam_mav.dslam.solve import solve
+from dslam_mav.dslam.solve import Task, solve
 from dslam_mav.dslam.state import layout
 from dslam_mav.dslam.units import normalised, units_of
 from dslam_mav.records import Estimate, Flight, Medium, Verdict
@@ -38,6 +38,7 @@ class _Question:
     flight: Flight
     medium: Medium
     priors: Priors
+    start: Estimate | None
     seed: int
 
 
@@ -68,7 +69,7 @@ def estimate(
         if value is not None and not (isinstance(value, (int, np.integer)) and 1 <= value <= MAX_SOURCES):
             raise ValueError(f"{name}: expected a whole number from 1 to {MAX_SOURCES}, got {value!r}")
     priors = priors_of(flight, medium.dimensions, closed_sd_m, known_points, heading_prior)
-    question = _Question(flight, medium, priors, seed)
+    question = _Question(flight, medium, priors, start, seed)
     # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
     with _threads().limit(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
         return _with_k(question, int(n_sources)) if n_sources is not None else _choose_k(question, max_sources)
@@ -111,9 +112,8 @@ def _with_k(question: _Question, k_sources: int) -> Estimate:
         reason = f"All {raw.y.size} readings are {raw.y[0]:g}: no source is in reach, or the sensor is stuck."
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
     unit = units_of(raw)
-    rng = np.random.default_rng(question.seed)
-    extent_free = medium.extent is None
-    solved = solve(normalised(raw, unit), k_sources, question.priors, unit, rng, extent_free=extent_free)
+    task = Task(normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start)
+    solved = solve(task, np.random.default_rng(question.seed))
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
     answers = Answers(solved.problem, solved.fits, solved.level, solved.freedom_inside, unit, question.priors)

@@ -13,10 +13,12 @@ from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.path import corners
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Known, Problem
+from dslam_mav.dslam.resume import fits_the_flight, resumed
 from dslam_mav.dslam.scatter import scatter
-from dslam_mav.dslam.starts import Starts, starts
+from dslam_mav.dslam.starts import Starts, starts, warm_starts
 from dslam_mav.dslam.state import State, layout
 from dslam_mav.dslam.units import Units
+from dslam_mav.records import Estimate
 
 Array = NDArray[np.float64]
 
@@ -33,17 +35,35 @@ class Solution:
     freedom_inside: int
 
 
-def solve(
-    prob: Problem, k_sources: int, priors: Priors, unit: Units, rng: np.random.Generator, *, extent_free: bool
-) -> Solution | None:
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """A problem in units of its own, how many sources to find, what is known besides, and where to begin."""
+
+    problem: Problem
+    k_sources: int
+    priors: Priors
+    unit: Units
+    extent_free: bool
+    start: Estimate | None = None
+
+
+def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     """Every answer within the window; None where the search finds no start."""
-    begun = _search(prob, k_sources, rng)
-    asked = _as_asked(prob, begun.states)
-    prob, fits = _fits(prob, begun, asked, priors, unit, rng)
+    if task.start is not None and fits_the_flight(task.problem, task.start, task.k_sources):
+        known = resumed(_alike(task.problem), task.start, task.unit)
+        if known:
+            warm = _solved(task, warm_starts(_alike(task.problem), task.k_sources, known, rng), rng)
+            if warm is not None and warm.fits[0].converged and not warm.level.misfit:
+                return warm
+    return _solved(task, _search(task.problem, task.k_sources, rng), rng)
+
+
+def _solved(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
+    prob, fits = _fits(task, begun, rng)
     if not fits:
         return None
     level = _level(prob, begun, fits[0])
-    if extent_free and level.misfit:
+    if task.extent_free and level.misfit:
         shaped = replace(prob, extent=None)
         better = _settled([fit(shaped, f.state) for f in fits])
         if better and fits[0].cost - better[0].cost > EXTENT_GAIN * level.inside:
@@ -56,7 +76,12 @@ def _search(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     """Starts at one C for all sources, whatever is known of each."""
     if prob.basis is not None or prob.dimensions == 3:
         return scatter(prob, k_sources, rng)
-    alike = replace(
+    return starts(_alike(prob), k_sources, rng)
+
+
+def _alike(prob: Problem) -> Problem:
+    """The problem with one C for all sources, whatever is known of each, and nothing known beside the readings."""
+    return replace(
         prob,
         spreads="shared" if prob.spreads == "each" else prob.spreads,
         spread2=None if prob.spread2 is None else np.exp(np.log(prob.spread2).mean(keepdims=True)),
@@ -65,7 +90,6 @@ def _search(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
         extent=0.0,
         known=Known(),
     )
-    return starts(alike, k_sources, rng)
 
 
 def _as_asked(prob: Problem, found: Sequence[State]) -> list[State]:
@@ -89,15 +113,14 @@ def _with_own_spreads(prob: Problem, state: State, log_known: Array) -> State:
     return replace(state, log_spread2=own)
 
 
-def _fits(
-    prob: Problem, begun: Starts, asked: list[State], priors: Priors, unit: Units, rng: np.random.Generator
-) -> tuple[Problem, list[Fit]]:
+def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem, list[Fit]]:
     """The problem with all that is known, and its fits from every start, best first.
 
     Those that do not settle count only where none does.
     """
+    prob, priors, unit = task.problem, task.priors, task.unit
     loose = bounded(prob, begun.sigma, priors, unit)
-    fits = _settled([fit(loose, state) for state in asked])
+    fits = _settled([fit(loose, state) for state in _as_asked(prob, begun.states)])
     if not fits or not priors.any:
         return loose, fits
     k_sources = len(fits[0].state.s)

@@ -124,6 +124,17 @@ def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     return Starts(tuple(all_states), level, (comp.energy_out, comp.dof_out), int(comp.rank.sum()), modes.rounds)
 
 
+def warm_starts(prob: Problem, k_sources: int, found: list[State], rng: np.random.Generator) -> Starts:
+    """States already known, and what one round of the search at their C brings beside them."""
+    at = _medium_of(found[0])
+    comp = compressed(prob, at, None)
+    modes = search_round(comp, k_sources, int(corners_by_energy(comp)[0]), rng)
+    left = prob.y - model_of(prob, found[0])
+    level = float(np.sqrt((left @ left + prob.outside) / prob.n_readings))
+    both = (*found, *states(prob, comp, modes, at))
+    return Starts(both, level, (comp.energy_out, comp.dof_out), int(comp.rank.sum()), 1)
+
+
 def _race(
     prob: Problem, k_sources: int, grid: list[tuple[float, float]], sigma: float | None, rng: np.random.Generator
 ) -> list[Fit]:
