@@ -23,7 +23,7 @@ from dslam_mav.dslam.state import State
 
 Array = NDArray[np.float64]
 
-SPREAD_GRID = (0.7, 1.4, 2.8, 5.6, 11.2)  # times the scale of the readings: C tried when nothing is known of it
+SPREAD_GRID = (0.9, 2.1, 5.0)  # times the scale of the readings: C tried when nothing is known of it
 GROWTHS = (0.05, 0.4, 1.5)  # flight time over age tried when the age is unknown
 RIVALS = (4, 3, 2)  # how many different C the best answers may lie at after each heat of the race
 REFINED = 2  # modes of each round fitted with C free
