@@ -15,7 +15,7 @@ from dslam_mav.dslam.kernels.beam_fit import beam_fits
 from dslam_mav.dslam.kernels.corner import corner_fits, distinct_corners, open_corner
 from dslam_mav.dslam.kernels.fit import FitOptions, fit_batch
 from dslam_mav.dslam.kernels.scan import scan_heading
-from dslam_mav.dslam.modes import Modes, best, canonical
+from dslam_mav.dslam.modes import Modes, best, canonical, misfit
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,9 @@ SCAN_HEADINGS = 64
 SCAN_KEEP = 200
 BEAM = 60
 BEAM_ITERATIONS = (6, 5, 4, 4, 8)
-FINALISTS = 30
 FINALIST_ITERATIONS = 10
-FINISHED = 8
+FINISH_WINDOW = 100.0  # finish those whose χ² is within this of the best
+FINISHED = 24
 FINISHED_ITERATIONS = 60
 TOLERANCE = 1e-9
 AMPLITUDE_SD = 3.0  # of the weak prior on log amplitude about the largest reading
@@ -48,7 +48,9 @@ def search_round(comp: Compressed, k_sources: int, corner: int, rng: np.random.G
         step += 1
     if not len(beam):
         return beam
-    beam = roughly_fitted(comp, beam.take(np.arange(min(FINALISTS, len(beam)))), 0, last, FINALIST_ITERATIONS)
+    beam = best(roughly_fitted(comp, beam, 0, last, FINALIST_ITERATIONS), 0, last, BEAM)
+    near = beam.cost < beam.cost[:1] + FINISH_WINDOW * misfit(beam, comp, k_sources)
+    beam = roughly_fitted(comp, beam.take(np.flatnonzero(near)[:FINISHED]), 0, last, FINISHED_ITERATIONS)
     beam = fitted(comp, best(beam, 0, last, FINISHED), 0, last, FINISHED_ITERATIONS)
     return canonical(best(beam, 0, last, FINISHED))
 

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SAME_MODE = 0.03  # in spreads, and in the headings' cosines and sines
-MOST_MODES = 64
+MOST_MODES = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)

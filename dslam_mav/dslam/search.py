@@ -18,14 +18,15 @@ MAX_ROUNDS = 24
 QUIET_ROUNDS = 3
 MODE_WINDOW = 25.0  # keep modes whose χ² is within this of the best
 NEW_MODE_WINDOW = 12.0  # a new mode within this of the best is news
-CROWD = 16  # so many answers nearly as good are a continuum: more rounds would only go on finding more
+REPRODUCED = 3  # rounds in a row that do not improve on the best answer
+CROWD = 40  # so many answers nearly as good are a continuum: more rounds would only go on finding more
 
 
 def search(comp: Compressed, k_sources: int, rng: np.random.Generator) -> Modes:
     """All modes: rounds until `QUIET_ROUNDS` in a row bring neither a better answer nor a new one nearly as good."""
     corners = corners_by_energy(comp)
     modes = no_modes(comp.legs.length.size, k_sources)
-    quiet = rounds = 0
+    quiet = rounds = reproduced = 0
     while rounds < MAX_ROUNDS and quiet < QUIET_ROUNDS:
         more = search_round(comp, k_sources, int(corners[rounds % corners.size]), rng)
         rounds += 1
@@ -36,16 +37,21 @@ def search(comp: Compressed, k_sources: int, rng: np.random.Generator) -> Modes:
         unit = misfit(merge(before, more, np.inf), comp, k_sources)
         modes = merge(before, more, MODE_WINDOW * unit)
         quiet = quiet + 1 if len(before) and not _news(before, modes, unit) else 0
-        if _near(modes, unit) >= CROWD:
+        reproduced = reproduced + 1 if len(before) and not _improved(before, modes) else 0
+        if _near(modes, unit) >= CROWD and reproduced >= REPRODUCED:
             break
     return replace(modes, rounds=rounds)
 
 
+def _improved(before: Modes, after: Modes) -> bool:
+    """Whether a round brought a better answer."""
+    lowest = float(before.cost.min())
+    return float(after.cost.min()) < lowest - 1e-3 * (1.0 + 1e-3 * lowest)
+
+
 def _news(before: Modes, after: Modes, unit: float) -> bool:
     """Whether a round brought a better answer, or one more that is nearly as good."""
-    lowest = float(before.cost.min())
-    improved = float(after.cost.min()) < lowest - 1e-3 * (1.0 + 1e-3 * lowest)
-    return improved or _near(after, unit) > _near(before, unit)
+    return _improved(before, after) or _near(after, unit) > _near(before, unit)
 
 
 def _near(modes: Modes, unit: float) -> int:

@@ -18,6 +18,7 @@ from dslam_mav.dslam.kernels.lanes import LANES, exponential, load, splat, squar
 from dslam_mav.dslam.kernels.products import INLINE, Products, node, pair_products, value_slope
 from dslam_mav.dslam.kernels.tables import OPTIONS, Array
 
+STUCK = 1e6  # damping at which no step helps any more
 TINY_PIVOT = 1e-12  # of a parameter's own: the matrix is as good as singular, and the step along it none
 
 
@@ -262,7 +263,7 @@ def _write(state, how, first, theta, s, alpha):  # type: ignore[no-untyped-def]
 
 @njit(**OPTIONS)
 def beam_fits(prods: Products, how: FitOptions, theta: Array, s: Array, alpha: Array) -> Array:
-    """Fit every candidate in place for `how.iterations`; returns the costs (B,).
+    """Fit every candidate in place for at most `how.iterations`; returns the costs (B,).
 
     theta (B, L), s (B, K, 2) from the start of leg lo, alpha (B, K). A step is clipped to 0.5 rad, one spread, 1 in α.
     """
@@ -282,6 +283,7 @@ def beam_fits(prods: Products, how: FitOptions, theta: Array, s: Array, alpha: A
         trial[:, :] = state
         cost = _normal_equations(prods, how, k_sources, state, where, leg, matrix, gradient)
         damping = splat(1e-3)
+        settled = splat(0.0)
         for _ in range(how.iterations):
             damped_step(matrix, gradient, damping, chol, step, n_par)
             _move(how, n_legs, k_sources, state, step, trial)
@@ -289,10 +291,16 @@ def beam_fits(prods: Products, how: FitOptions, theta: Array, s: Array, alpha: A
             accept(cost_try, cost, state, trial)
             accept(cost_try, cost, matrix, matrix_try)
             accept(cost_try, cost, gradient, gradient_try)
+            gain = cost - cost_try
+            small = where_less(gain, how.tolerance * (1.0 + cost), splat(1.0), settled)
+            settled = where_less(cost_try, cost, small, where_less(splat(STUCK), damping, splat(1.0), settled))
             less = damping * 0.2
             less = where_less(less, splat(1e-9), splat(1e-9), less)
             damping = where_less(cost_try, cost, less, damping * 8.0)
             cost = where_less(cost_try, cost, cost_try, cost)
+            store(out, 0, settled)
+            if out.min() > 0.0:
+                break
         store(out, 0, cost)
         _write(state, how, first, theta, s, alpha)
         for w in range(min(LANES, batch - first)):
