@@ -25,7 +25,7 @@ CORNER_PRIOR_SD = 1.0
 CORNER_KEEP = 24
 CORNER_APART = 0.05
 TURN_ANGLES = 40
-MAX_OFFSET_SPREADS = 2.6
+REACH_SPREADS = 2.6
 SCAN_HEADINGS = 64
 SCAN_KEEP = 200
 BEAM = 60
@@ -38,10 +38,15 @@ TOLERANCE = 1e-9
 AMPLITUDE_SD = 3.0  # of the weak prior on log amplitude about the largest reading
 
 
-def search_round(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator) -> Modes:
-    """One round from one corner (legs `corner` and `corner + 1`): the best few distinct minima on all legs."""
+def search_round(
+    comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator, reach: float = REACH_SPREADS
+) -> Modes:
+    """One round from one corner (legs `corner` and `corner + 1`): the best few distinct minima on all legs.
+
+    `reach`: how far from the corner's first leg a source may be.
+    """
     last = comp.legs.length.size - 1
-    beam = _open(comp, k_sources, corner, rng)
+    beam = _open(comp, k_sources, corner, rng, reach)
     lo, hi, step = corner, corner + 1, 0
     while len(beam) and (lo > 0 or hi < last):
         beam, lo, hi = _add_leg(comp, beam, (lo, hi), step, rng)
@@ -103,7 +108,7 @@ def _corner_starts(comp: Compressed, corner: int, k_sources: int, rng: np.random
     return np.stack([u, v + np.log(0.7), w], axis=2)
 
 
-def _open(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator) -> Modes:
+def _open(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator, reach: float) -> Modes:
     """Candidates on the two legs of one corner; sources from the first of the two legs' start."""
     legs = comp.legs
     uvw = _corner_starts(comp, corner, k_sources, rng)
@@ -115,7 +120,7 @@ def _open(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generato
         legs.c[corner + 1],
         legs.length[corner],
         np.clip(angles, 1e-3, np.pi - 1e-3),
-        MAX_OFFSET_SPREADS,
+        reach,
         _largest_log(comp) + 3.0 * AMPLITUDE_SD,
     )
     theta = np.zeros((turn.size, legs.length.size))
