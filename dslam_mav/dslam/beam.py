@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.compress import Compressed
-from dslam_mav.dslam.kernels.corner import corner_fits, open_corner
+from dslam_mav.dslam.kernels.beam_fit import beam_fits
+from dslam_mav.dslam.kernels.corner import corner_fits, distinct_corners, open_corner
 from dslam_mav.dslam.kernels.fit import FitOptions, fit_batch
 from dslam_mav.dslam.kernels.scan import scan_heading
-from dslam_mav.dslam.modes import Modes, best, canonical
+from dslam_mav.dslam.modes import Modes, best, canonical, misfit
 
 Array = NDArray[np.float64]
 
@@ -24,30 +25,37 @@ CORNER_PRIOR_SD = 1.0
 CORNER_KEEP = 24
 CORNER_APART = 0.05
 TURN_ANGLES = 40
-MAX_OFFSET_SPREADS = 2.6
-SCAN_HEADINGS = 60
+REACH_SPREADS = 2.6
+SCAN_HEADINGS = 64
 SCAN_KEEP = 200
 BEAM = 60
 BEAM_ITERATIONS = (6, 5, 4, 4, 8)
-FINALISTS = 30
 FINALIST_ITERATIONS = 10
-FINISHED = 8
+FINISH_WINDOW = 100.0  # finish those whose χ² is within this of the best
+FINISHED = 24
 FINISHED_ITERATIONS = 60
 TOLERANCE = 1e-9
 AMPLITUDE_SD = 3.0  # of the weak prior on log amplitude about the largest reading
 
 
-def search_round(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator) -> Modes:
-    """One round from one corner (legs `corner` and `corner + 1`): the best few distinct minima on all legs."""
+def search_round(
+    comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator, reach: float = REACH_SPREADS
+) -> Modes:
+    """One round from one corner (legs `corner` and `corner + 1`): the best few distinct minima on all legs.
+
+    `reach`: how far from the corner's first leg a source may be.
+    """
     last = comp.legs.length.size - 1
-    beam = _open(comp, k_sources, corner, rng)
+    beam = _open(comp, k_sources, corner, rng, reach)
     lo, hi, step = corner, corner + 1, 0
     while len(beam) and (lo > 0 or hi < last):
         beam, lo, hi = _add_leg(comp, beam, (lo, hi), step, rng)
         step += 1
     if not len(beam):
         return beam
-    beam = fitted(comp, beam.take(np.arange(min(FINALISTS, len(beam)))), 0, last, FINALIST_ITERATIONS)
+    beam = best(roughly_fitted(comp, beam, 0, last, FINALIST_ITERATIONS), 0, last, BEAM)
+    near = beam.cost < beam.cost[:1] + FINISH_WINDOW * misfit(beam, comp, k_sources)
+    beam = roughly_fitted(comp, beam.take(np.flatnonzero(near)[:FINISHED]), 0, last, FINISHED_ITERATIONS)
     beam = fitted(comp, best(beam, 0, last, FINISHED), 0, last, FINISHED_ITERATIONS)
     return canonical(best(beam, 0, last, FINISHED))
 
@@ -57,6 +65,14 @@ def fitted(comp: Compressed, modes: Modes, lo: int, hi: int, iterations: int) ->
     theta, s, alpha = modes.theta.copy(), modes.s.copy(), modes.alpha.copy()
     how = FitOptions(lo, hi, _largest_log(comp), AMPLITUDE_SD, iterations, TOLERANCE)
     cost, _ = fit_batch(comp.legs, how, theta, s, alpha)
+    return Modes(theta, s, alpha, cost, modes.rounds)
+
+
+def roughly_fitted(comp: Compressed, modes: Modes, lo: int, hi: int, iterations: int) -> Modes:
+    """As `fitted`, eight candidates at a time, with one C on a leg."""
+    theta, s, alpha = modes.theta.copy(), modes.s.copy(), modes.alpha.copy()
+    how = FitOptions(lo, hi, _largest_log(comp), AMPLITUDE_SD, iterations, TOLERANCE)
+    cost = beam_fits(comp.products, how, theta, s, alpha)
     return Modes(theta, s, alpha, cost, modes.rounds)
 
 
@@ -92,36 +108,24 @@ def _corner_starts(comp: Compressed, corner: int, k_sources: int, rng: np.random
     return np.stack([u, v + np.log(0.7), w], axis=2)
 
 
-def _open(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator) -> Modes:
+def _open(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generator, reach: float) -> Modes:
     """Candidates on the two legs of one corner; sources from the first of the two legs' start."""
     legs = comp.legs
     uvw = _corner_starts(comp, corner, k_sources, rng)
-    costs = corner_fits(legs, corner, uvw, CORNER_PRIOR_SD, CORNER_ITERATIONS)
+    costs = corner_fits(comp.products, corner, uvw, CORNER_PRIOR_SD, CORNER_ITERATIONS)
     angles = (np.arange(TURN_ANGLES) + rng.random()) * (np.pi / TURN_ANGLES)
     turn, s, alpha = open_corner(
-        uvw[_distinct_corners(uvw, costs)],
+        uvw[distinct_corners(uvw, np.argsort(costs, kind="stable"), CORNER_KEEP, CORNER_APART)],
         legs.c[corner],
         legs.c[corner + 1],
         legs.length[corner],
         np.clip(angles, 1e-3, np.pi - 1e-3),
-        MAX_OFFSET_SPREADS,
+        reach,
         _largest_log(comp) + 3.0 * AMPLITUDE_SD,
     )
     theta = np.zeros((turn.size, legs.length.size))
     theta[:, corner + 1] = turn
     return Modes(theta, s, alpha, np.zeros(turn.size))
-
-
-def _distinct_corners(uvw: Array, costs: Array) -> list[int]:
-    """The best few corner fits that differ, whatever the order of their sources."""
-    ordered = np.array([one[np.argsort(one[:, 0])] for one in uvw])
-    kept: list[int] = []
-    for i in np.argsort(costs, kind="stable"):
-        if all(np.abs(ordered[i] - ordered[q]).max() > CORNER_APART for q in kept):
-            kept.append(int(i))
-            if len(kept) == CORNER_KEEP:
-                break
-    return kept
 
 
 def _add_leg(
@@ -138,7 +142,7 @@ def _add_leg(
             start[:, 0] += legs.length[i] * np.cos(beam.theta[:, i])
             start[:, 1] += legs.length[i] * np.sin(beam.theta[:, i])
     headings = (np.arange(SCAN_HEADINGS) + rng.random()) * (2.0 * np.pi / SCAN_HEADINGS)
-    found, cost = scan_heading(legs, j, start, beam.s, beam.alpha, headings, backwards)
+    found, cost = scan_heading(comp.products, j, start, beam.s, beam.alpha, headings, backwards)
     score = (cost + beam.cost[:, None]).ravel()
     order = np.argsort(score, kind="stable")[:SCAN_KEEP]
     order = order[np.isfinite(score[order])]
@@ -148,5 +152,5 @@ def _add_leg(
         grown.s[:, :, 0] += (legs.length[j] * np.cos(grown.theta[:, j]))[:, None]
         grown.s[:, :, 1] += (legs.length[j] * np.sin(grown.theta[:, j]))[:, None]
     lo, hi = min(lo, j), max(hi, j)
-    grown = fitted(comp, grown, lo, hi, BEAM_ITERATIONS[min(step, len(BEAM_ITERATIONS) - 1)])
+    grown = roughly_fitted(comp, grown, lo, hi, BEAM_ITERATIONS[min(step, len(BEAM_ITERATIONS) - 1)])
     return best(grown, lo, hi, BEAM), lo, hi

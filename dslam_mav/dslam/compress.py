@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.dslam.kernels.lanes import LANES
+from dslam_mav.dslam.kernels.products import ORDERS, Products, tabulate
 from dslam_mav.dslam.kernels.tables import LegTables
 
 Array = NDArray[np.float64]
@@ -47,6 +49,7 @@ class Compressed:
     """
 
     legs: LegTables
+    products: Products
     scale: float
     sigma: float
     rank: NDArray[np.int64]
@@ -127,4 +130,26 @@ def compress(
         c=np.array([float(np.mean(leg.spread2)) for leg in legs]) / reference2,
         length=np.array([leg.length for leg in legs]) / scale,
     )
-    return Compressed(tables, scale, sigma, rank, energy_out, dof_out)
+    products = _products(legs, scale, sigma, (z_all**2).sum(axis=1), ambient_unknown)
+    return Compressed(tables, products, scale, sigma, rank, energy_out, dof_out)
+
+
+def _products(legs: Sequence[Samples], scale: float, sigma: float, energy: Array, centred: bool) -> Products:
+    """The tables of inner products for the search's early stages; each leg has one C, its mean."""
+    h = TABLE_STEP_SPREADS
+    longest = max(max(leg.length, float(leg.distance.max())) for leg in legs) / scale
+    shortest = min(0.0, *(float(leg.distance.min()) for leg in legs)) / scale
+    count = int(np.ceil((longest - shortest + 2.0 * MARGIN_SPREADS) / h / LANES)) * LANES + LANES
+    y0 = shortest - MARGIN_SPREADS
+    nodes = y0 + h * np.arange(count)
+    own, pair, mean = (np.empty((len(legs), count, ORDERS)) for _ in range(3))
+    c = np.array([float(np.mean(leg.spread2)) for leg in legs]) / scale**2
+    for j, leg in enumerate(legs):
+        reading = leg.reading / sigma
+        if centred:
+            reading = reading - reading.mean()
+        own[j], pair[j], mean[j] = tabulate(leg.distance / scale, reading, c[j], nodes)
+        own[j] /= c[j]
+        pair[j] /= c[j] ** 2
+        mean[j] /= c[j] * np.sqrt(reading.size)
+    return Products(own, pair, mean, centred, energy, y0, h, c, np.array([leg.length for leg in legs]) / scale)

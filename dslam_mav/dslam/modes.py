@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SAME_MODE = 0.03  # in spreads, and in the headings' cosines and sines
-MOST_MODES = 64
+MOST_MODES = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,9 +82,13 @@ def canonical(modes: Modes) -> Modes:
     return replace(modes, theta=theta, s=s)
 
 
+def freedom(comp: Compressed, k_sources: int) -> int:
+    """Degrees of freedom that a fit of so many sources leaves inside the bases."""
+    return int(comp.rank.sum()) - (comp.legs.length.size - 1) - 3 * k_sources
+
+
 def misfit(modes: Modes, comp: Compressed, k_sources: int) -> float:
     """By how much the best answer's χ² exceeds what noise explains, at least 1: Δχ² is measured in its units."""
     if not len(modes):
         return 1.0
-    freedom = int(comp.rank.sum()) - (comp.legs.length.size - 1) - 3 * k_sources
-    return max(1.0, float(modes.cost.min()) / max(freedom, 1))
+    return max(1.0, float(modes.cost.min()) / max(freedom(comp, k_sources), 1))

@@ -7,56 +7,65 @@ import math
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, LegTables, sample, solve
+from dslam_mav.dslam.kernels.beam_fit import accept, add, clipped, damped_step, products_of, triangle
+from dslam_mav.dslam.kernels.lanes import LANES, exponential, load, splat, store, where_less
+from dslam_mav.dslam.kernels.products import Products, node, value_slope
+from dslam_mav.dslam.kernels.tables import OPTIONS, Array, Indices
 
 STEP = 1.0  # largest move of U, V or W in one iteration
 
 
 @njit(**OPTIONS)
-def _leg_columns(legs: LegTables, j: int, shift: float, uvw: Array, which: int, col: Array, phi: Array) -> None:
-    """One leg's residual and derivatives: rows 2k, 2k+1 are ∂ by the projection and by V, the last the residual.
+def _add_leg(prods, j, shift, which, k_sources, uvw, leg, matrix, gradient):  # type: ignore[no-untyped-def]
+    """Add one leg's products to the normal equations in (U, V, W); returns its cost.
 
-    A source adds e^{V + U²/C} φ(shift + U) to the leg, U being uvw[:, which].
+    A source adds e^{V + U²/C} φ(shift + U) to the leg, U being row `which` of the source's three.
     """
-    k_sources, size = uvw.shape[0], legs.z.shape[1]
-    for r in range(size):
-        col[2 * k_sources, r] = -legs.z[j, r]
+    cost = splat(prods.energy[j])
+    inv_c = 1.0 / prods.c[j]
     for k in range(k_sources):
-        u, v = uvw[k, which], uvw[k, 1]
-        amplitude = math.exp(min(v + u * u / legs.c[j], MAX_EXPONENT))
-        sample(legs.table[j], legs.y0, legs.h, shift + u, phi[0], phi[1])
-        for r in range(size):
-            g = amplitude * phi[0, r]
-            col[2 * k, r] = amplitude * phi[1, r] + 2.0 * u / legs.c[j] * g
-            col[2 * k + 1, r] = g
-            col[2 * k_sources, r] += g
-
-
-@njit(**OPTIONS)
-def _add_leg(col: Array, which: int, jtj: Array, jtr: Array) -> float:
-    """Add a leg's inner products to the normal equations in (U, V, W); returns its cost."""
-    k_sources, size = col.shape[0] // 2, col.shape[1]
-    for p in range(2 * k_sources + 1):
-        i = 3 * (p // 2) + (which if p % 2 == 0 else 1)
-        for q in range(p + 1):
-            total = 0.0
-            for r in range(size):
-                total += col[p, r] * col[q, r]
-            m = 3 * (q // 2) + (which if q % 2 == 0 else 1)
-            if p < 2 * k_sources:
-                jtj[i, m] += total
-                if p != q:
-                    jtj[m, i] += total
-            elif q < p:
-                jtr[m] += total
-    cost = 0.0
-    for r in range(size):
-        cost += col[2 * k_sources, r] * col[2 * k_sources, r]
+        u, v = load(uvw, 3 * k + which), load(uvw, 3 * k + 1)
+        size = exponential(v + u * u * inv_c)
+        place, t = node(prods, u + shift)
+        z, z1 = value_slope(prods.own, j, place, t)
+        store(leg, 7 * k, u + shift)
+        store(leg, 7 * k + 1, size)
+        store(leg, 7 * k + 2, u * (2.0 * inv_c))
+        store(leg, 7 * k + 3, 0.0 - size * z)
+        store(leg, 7 * k + 4, 0.0 - size * z1)
+        cost = cost - size * z
+        if prods.centred:
+            mean, mean1 = value_slope(prods.mean, j, place, t)
+            store(leg, 7 * k + 5, size * mean)
+            store(leg, 7 * k + 6, size * mean1)
+    for k in range(k_sources):
+        qk = load(leg, 7 * k + 2)
+        for o in range(k + 1):
+            qo = load(leg, 7 * o + 2)
+            gg, ga, ag, aa = products_of(prods, j, leg, k, o)
+            add(leg, 7 * k + 3, gg)
+            add(leg, 7 * k + 4, ag)
+            if o < k:
+                add(leg, 7 * o + 3, gg)
+                add(leg, 7 * o + 4, ga)
+            us = ag + qk * gg
+            ku, kv, ou, ov = 3 * k + which, 3 * k + 1, 3 * o + which, 3 * o + 1
+            add(matrix, triangle(ku, ou), aa + qk * ga + qo * us)
+            add(matrix, triangle(kv, ov), gg)
+            if o < k or which == 2:
+                add(matrix, triangle(ku, ov), us)
+            if o < k or which == 0:
+                add(matrix, triangle(kv, ou), ga + qo * gg)
+    for k in range(k_sources):
+        g = load(leg, 7 * k + 3)
+        cost = cost + g
+        add(gradient, 3 * k + which, load(leg, 7 * k + 4) + load(leg, 7 * k + 2) * g)
+        add(gradient, 3 * k + 1, g)
     return cost
 
 
 @njit(**OPTIONS)
-def corner_fits(legs: LegTables, j: int, uvw: Array, prior_sd: float, iterations: int) -> Array:
+def corner_fits(prods: Products, j: int, uvw: Array, prior_sd: float, iterations: int) -> Array:
     """Fit (U, V, W) of every source on legs j and j+1, their angle left out; in place, returns the data costs (B,).
 
     uvw (B, K, 3): U and W are the source's projections on the two legs from their common corner, V its log
@@ -65,56 +74,84 @@ def corner_fits(legs: LegTables, j: int, uvw: Array, prior_sd: float, iterations
     """
     batch, k_sources = uvw.shape[0], uvw.shape[1]
     n_par = 3 * k_sources
-    col = np.empty((2 * k_sources + 1, legs.z.shape[1]))
-    phi = np.empty((2, legs.z.shape[1]))
-    jtj, jtr = np.empty((n_par, n_par)), np.empty(n_par)
-    kept, kept_r = np.empty((n_par, n_par)), np.empty(n_par)
-    chol, step = np.empty((n_par, n_par)), np.empty(n_par)
-    trial, best, anchor = np.empty((k_sources, 3)), np.empty((k_sources, 3)), np.empty((k_sources, 3))
+    size = n_par * (n_par + 1) // 2
+    leg = np.empty((7 * k_sources, LANES))
+    matrix, gradient = np.empty((size, LANES)), np.empty((n_par, LANES))
+    matrix_try, gradient_try = np.empty((size, LANES)), np.empty((n_par, LANES))
+    chol, step = np.empty((size, LANES)), np.empty((n_par, LANES))
+    anchor, best, trial = np.empty((n_par, LANES)), np.empty((n_par, LANES)), np.empty((n_par, LANES))
+    out = np.empty((1, LANES))
     costs = np.empty(batch)
     weight = 1.0 / (prior_sd * prior_sd)
-    for b in range(batch):
-        anchor[:, :] = uvw[b]
-        trial[:, :] = uvw[b]
-        lowest = np.inf
-        damping = 1e-2
+    for first in range(0, batch, LANES):
+        for w in range(LANES):
+            for i in range(n_par):
+                anchor[i, w] = uvw[min(first + w, batch - 1), i // 3, i % 3]
+        trial[:, :] = anchor
+        best[:, :] = anchor
+        matrix[:, :] = 0.0
+        gradient[:, :] = 0.0
+        lowest, lowest_data = splat(np.inf), splat(np.inf)
+        damping = splat(1e-2)
         for it in range(iterations + 1):
-            jtj[:, :] = 0.0
-            jtr[:] = 0.0
-            _leg_columns(legs, j, legs.length[j], trial, 0, col, phi)
-            data = _add_leg(col, 0, jtj, jtr)
-            _leg_columns(legs, j + 1, 0.0, trial, 2, col, phi)
-            data += _add_leg(col, 2, jtj, jtr)
+            matrix_try[:, :] = 0.0
+            gradient_try[:, :] = 0.0
+            data = _add_leg(prods, j, prods.length[j], 0, k_sources, trial, leg, matrix_try, gradient_try)
+            data = data + _add_leg(prods, j + 1, 0.0, 2, k_sources, trial, leg, matrix_try, gradient_try)
             total = data
-            for k in range(k_sources):
-                for q in range(3):
-                    off = trial[k, q] - anchor[k, q]
-                    total += weight * off * off
-                    jtr[3 * k + q] += weight * off
-                    jtj[3 * k + q, 3 * k + q] += weight
-            if total < lowest:
-                lowest = total
-                costs[b] = data
-                best[:, :] = trial
-                kept[:, :] = jtj
-                kept_r[:] = jtr
-                damping = max(damping * 0.3, 1e-9)
-            else:
-                damping *= 6.0
+            for i in range(n_par):
+                off = load(trial, i) - load(anchor, i)
+                total = total + weight * off * off
+                add(gradient_try, i, weight * off)
+                add(matrix_try, triangle(i, i), splat(weight))
+            accept(total, lowest, best, trial)
+            accept(total, lowest, matrix, matrix_try)
+            accept(total, lowest, gradient, gradient_try)
+            less = damping * 0.3
+            less = where_less(less, splat(1e-9), splat(1e-9), less)
+            damping = where_less(total, lowest, less, damping * 6.0)
+            lowest_data = where_less(total, lowest, data, lowest_data)
+            lowest = where_less(total, lowest, total, lowest)
             if it == iterations:
                 break
+            damped_step(matrix, gradient, damping, chol, step, n_par)
             for i in range(n_par):
-                chol[i, :] = kept[i]
-                chol[i, i] *= 1.0 + damping
-                step[i] = -kept_r[i]
-            if not solve(chol, step, n_par):
-                damping = damping * 10.0 + 1e-6
-                continue
+                store(trial, i, load(best, i) + clipped(load(step, i), STEP))
+        store(out, 0, lowest_data)
+        for w in range(min(LANES, batch - first)):
+            costs[first + w] = out[0, w]
+            for i in range(n_par):
+                uvw[first + w, i // 3, i % 3] = best[i, w]
+    return costs
+
+
+@njit(**OPTIONS)
+def distinct_corners(uvw: Array, order: Indices, keep: int, apart: float) -> Indices:
+    """The first `keep` corner fits, in the given order, that differ by more than `apart`, sources sorted by U."""
+    batch, k_sources = uvw.shape[0], uvw.shape[1]
+    chosen = np.empty(min(keep, batch), dtype=np.int64)
+    ordered = np.empty_like(uvw)
+    count = 0
+    for b in order:
+        by_u = np.argsort(uvw[b, :, 0])
+        for k in range(k_sources):
+            for q in range(3):
+                ordered[b, k, q] = uvw[b, by_u[k], q]
+        same = False
+        for i in range(count):
+            far = 0.0
             for k in range(k_sources):
                 for q in range(3):
-                    trial[k, q] = best[k, q] + min(max(step[3 * k + q], -STEP), STEP)
-        uvw[b] = best
-    return costs
+                    far = max(far, abs(ordered[b, k, q] - ordered[chosen[i], k, q]))
+            if far <= apart:
+                same = True
+                break
+        if not same:
+            chosen[count] = b
+            count += 1
+            if count == keep:
+                break
+    return chosen[:count]
 
 
 @njit(**OPTIONS)

@@ -7,12 +7,44 @@ import math
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, Indices, LegTables, sample
+from dslam_mav.dslam.kernels.lanes import LANES, exponential, load, splat, store
+from dslam_mav.dslam.kernels.products import Products, node, value
+from dslam_mav.dslam.kernels.tables import OPTIONS, Array, Indices
+
+
+@njit(**OPTIONS)
+def _headings_cost(prods, j, bx, by, shift, s, alpha, cos, sin, leg):  # type: ignore[no-untyped-def]
+    """Cost of leg j from (bx, by) at eight headings, for one candidate."""
+    cost = splat(prods.energy[j])
+    inv_c = 1.0 / prods.c[j]
+    for k in range(alpha.shape[0]):
+        px, py = s[k, 0] - bx, s[k, 1] - by
+        y = px * cos + py * sin + shift
+        d = py * cos - px * sin
+        size = exponential(alpha[k] - d * d * inv_c)
+        at, t = node(prods, y)
+        store(leg, 3 * k, y)
+        store(leg, 3 * k + 1, size)
+        of_size = size * value(prods.pair, j, at, t) - 2.0 * value(prods.own, j, at, t)
+        if prods.centred:
+            mean = value(prods.mean, j, at, t)
+            store(leg, 3 * k + 2, mean)
+            of_size = of_size - size * mean * mean
+        for o in range(k):
+            other = load(leg, 3 * o)
+            gap = y - other
+            at, t = node(prods, 0.5 * (y + other))
+            both = exponential(-0.5 * inv_c * gap * gap) * value(prods.pair, j, at, t)
+            if prods.centred:
+                both = both - load(leg, 3 * k + 2) * load(leg, 3 * o + 2)
+            of_size = of_size + 2.0 * load(leg, 3 * o + 1) * both
+        cost = cost + size * of_size
+    return cost
 
 
 @njit(**OPTIONS)
 def scan_heading(
-    legs: LegTables,
+    prods: Products,
     j: int,
     start: Array,
     s: Array,
@@ -20,49 +52,34 @@ def scan_heading(
     headings: Array,
     backwards: bool,
 ) -> tuple[Array, Array]:
-    """Cost of leg j at every heading for every candidate, and the two best local minima.
+    """Cost of leg j at every heading (a multiple of eight) for every candidate, and the two best local minima.
 
     `start` (B, 2) is the leg's start, or its end when `backwards`; s (B, K, 2) in the same frame. Returns
     (best headings (B, 2), their costs (B, 2)); a missing second minimum costs inf.
     """
     batch, k_sources = s.shape[0], s.shape[1]
     m = headings.shape[0]
-    size = legs.z.shape[1]
-    phi = np.empty(size)
-    dphi = np.empty(size)
-    res = np.empty(size)
-    cost = np.empty(m)
+    cos, sin = np.cos(headings).reshape(-1, LANES), np.sin(headings).reshape(-1, LANES)
+    leg = np.empty((3 * k_sources, LANES))
+    costs = np.empty((m // LANES, LANES))
+    cost = costs.reshape(m)
     best = np.empty((batch, 2))
     best_cost = np.full((batch, 2), np.inf)
+    shift = prods.length[j] if backwards else 0.0
     for b in range(batch):
+        for a in range(m // LANES):
+            here = _headings_cost(
+                prods, j, start[b, 0], start[b, 1], shift, s[b], alpha[b], load(cos, a), load(sin, a), leg
+            )
+            store(costs, a, here)
         for a in range(m):
-            cx, cy = math.cos(headings[a]), math.sin(headings[a])
-            shift = legs.length[j] if backwards else 0.0
-            for r in range(size):
-                res[r] = -legs.z[j, r]
-            for k in range(k_sources):
-                px, py = s[b, k, 0] - start[b, 0], s[b, k, 1] - start[b, 1]
-                y = px * cx + py * cy + shift
-                d = py * cx - px * cy
-                exponent = alpha[b, k] - d * d / legs.c[j]
-                if exponent < -30.0:
-                    continue
-                amp = math.exp(min(exponent, MAX_EXPONENT))
-                sample(legs.table[j], legs.y0, legs.h, y, phi, dphi)
-                for r in range(size):
-                    res[r] += amp * phi[r]
-            total = 0.0
-            for r in range(size):
-                total += res[r] * res[r]
-            cost[a] = total
-        for a in range(m):
-            here = cost[a]
-            if here <= cost[a - 1] and here < cost[(a + 1) % m]:
-                if here < best_cost[b, 0]:
+            low = cost[a]
+            if low <= cost[a - 1] and low < cost[(a + 1) % m]:
+                if low < best_cost[b, 0]:
                     best[b, 1], best_cost[b, 1] = best[b, 0], best_cost[b, 0]
-                    best[b, 0], best_cost[b, 0] = headings[a], here
-                elif here < best_cost[b, 1]:
-                    best[b, 1], best_cost[b, 1] = headings[a], here
+                    best[b, 0], best_cost[b, 0] = headings[a], low
+                elif low < best_cost[b, 1]:
+                    best[b, 1], best_cost[b, 1] = headings[a], low
     return best, best_cost
 
 
@@ -76,6 +93,7 @@ def distinct(theta: Array, s: Array, alpha: Array, lo: int, hi: int, keep: int, 
     chosen = np.empty(min(keep, batch), dtype=np.int64)
     count = 0
     order = np.empty((batch, k_sources), dtype=np.int64)
+    cos, sin = np.cos(theta), np.sin(theta)
     for b in range(batch):
         order[b] = np.argsort(s[b, :, 0])
         same = False
@@ -86,9 +104,11 @@ def distinct(theta: Array, s: Array, alpha: Array, lo: int, hi: int, keep: int, 
                 p, q = order[b, k], order[o, k]
                 far = max(far, abs(s[b, p, 0] - s[o, q, 0]))
                 far = max(far, abs(s[b, p, 1] - s[o, q, 1]))
+            if far >= tolerance:
+                continue
             for j in range(lo, hi + 1):
-                far = max(far, abs(math.cos(theta[b, j]) - math.cos(theta[o, j])))
-                far = max(far, abs(math.sin(theta[b, j]) - math.sin(theta[o, j])))
+                far = max(far, abs(cos[b, j] - cos[o, j]))
+                far = max(far, abs(sin[b, j] - sin[o, j]))
             if far < tolerance:
                 same = True
                 break
