@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.dslam.kernels.model import along_legs
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import Layout, State, climbs_unknown, uncertain_legs
 
@@ -13,7 +14,8 @@ Array = NDArray[np.float64]
 
 def directions(theta: Array, climb: Array | None = None) -> Array:
     """(L, 2) unit vectors of headings, or (L, 3) of headings and climbs, both in radians."""
-    flat = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    flat = np.empty((theta.size, 2))
+    flat[:, 0], flat[:, 1] = np.cos(theta), np.sin(theta)
     if climb is None:
         return flat
     return np.hstack([np.cos(climb)[:, None] * flat, np.sin(climb)[:, None]])
@@ -49,7 +51,7 @@ def places(prob: Problem, state: State) -> Array:
     if prob.basis is not None:
         return prob.basis @ state.coefficients
     along = directions(state.theta, climb_of(prob, state))
-    return corners(prob, state)[:-1][prob.leg] + prob.s[:, None] * along[prob.leg]
+    return np.asarray(along_legs(along, prob.length + state.longer, prob.leg, prob.s))
 
 
 def turns(prob: Problem, state: State) -> tuple[Array, NDArray[np.int64]]:

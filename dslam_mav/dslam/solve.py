@@ -22,6 +22,8 @@ from dslam_mav.records import Estimate
 
 Array = NDArray[np.float64]
 
+HEAT = 6  # iterations all starts are given
+FAR_BEHIND = 40.0  # in χ², after them
 EXTENT_GAIN = 12.0  # Δχ² from which a free shape is believed
 
 
@@ -120,7 +122,7 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     """
     prob, priors, unit = task.problem, task.priors, task.unit
     loose = bounded(prob, begun.sigma, priors, unit)
-    fits = _settled([fit(loose, state) for state in _as_asked(prob, begun.states)])
+    fits = _raced(loose, _as_asked(prob, begun.states))
     if not fits or not priors.any:
         return loose, fits
     k_sources = len(fits[0].state.s)
@@ -129,7 +131,21 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)
-    return tight, _settled([fit(tight, state) for state in both_sides(tight, again)])
+    return tight, _raced(tight, both_sides(tight, again))
+
+
+def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
+    """Fits from all states, best first: after a few iterations those far behind, or where another is, give up."""
+    pool: Sequence[Fit] = [fit(prob, state, iterations=HEAT) for state in states]
+    ordered = sorted((f for f in pool if np.isfinite(f.cost)), key=lambda f: f.cost)
+    kept: list[Fit] = []
+    for f in ordered:
+        unit = (ordered[0].cost + prob.outside) / prob.n_readings
+        if f.cost > ordered[0].cost + FAR_BEHIND * unit:
+            break
+        if all(_apart(prob, f, other) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
+            kept.append(f)
+    return _settled([f if f.converged else fit(prob, f.state) for f in kept])
 
 
 def _settled(fits: list[Fit]) -> list[Fit]:

@@ -18,6 +18,22 @@ from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, Indices
 
 
 @njit(**OPTIONS)
+def along_legs(along: Array, length: Array, leg: Indices, distance: Array) -> Array:
+    """(n, d) places at `distance` (n,) along legs of directions `along` (L, d), each begun where the last one ended."""
+    n_legs, d = along.shape
+    start = np.zeros((n_legs, d))
+    for j in range(1, n_legs):
+        for q in range(d):
+            start[j, q] = start[j - 1, q] + length[j - 1] * along[j - 1, q]
+    out = np.empty((leg.shape[0], d))
+    for i in range(leg.shape[0]):
+        j = leg[i]
+        for q in range(d):
+            out[i, q] = start[j, q] + distance[i] * along[j, q]
+    return out
+
+
+@njit(**OPTIONS)
 def add_field(
     x: Array, t: Array, s: Array, log_amplitude: Array, spread2: Array, rate: float, kappa: float, out: Array
 ) -> None:
