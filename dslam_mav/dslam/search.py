@@ -7,7 +7,6 @@ are judged in their order: two threads find what one does, bit for bit.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -64,19 +63,18 @@ class _Progress:
         return hits >= HITS and (self.quiet >= QUIET_ROUNDS or self.near(self.modes) >= CROWD)
 
 
-def search(comp: Compressed, k_sources: int, rng: np.random.Generator, *, threads: int | None = None) -> Modes:
-    """All modes nearly as good as the best; `threads` (None: two where there are two processors) changes none."""
+def search(comp: Compressed, k_sources: int, rng: np.random.Generator, *, threads: int = 2) -> Modes:
+    """All modes nearly as good as the best; `threads` (1 or 2) changes none of them."""
     corners = corners_by_energy(comp)
     progress = _Progress(no_modes(comp.legs.length.size, k_sources), 1.0, [])
 
     def one(index: int, own: np.random.Generator) -> Modes:
         return search_round(comp, k_sources, int(corners[index % corners.size]), own, REACHES[index % len(REACHES)])
 
-    workers = min(len(REACHES), threads or os.cpu_count() or 1)
-    if workers == 1:
+    if threads == 1:
         _rounds(progress, comp, rng, lambda indices, own: [one(i, g) for i, g in zip(indices, own, strict=True)])
     else:
-        with ThreadPoolExecutor(workers) as pool:
+        with ThreadPoolExecutor(threads) as pool:
             _rounds(progress, comp, rng, lambda indices, own: list(pool.map(one, indices, own)))
     return replace(progress.modes, rounds=len(progress.lows))
 
