@@ -25,7 +25,8 @@ QUIET_ROUNDS = 3  # in a row that bring no news
 MODE_WINDOW = 25.0  # keep modes whose χ² is within this of the best
 NEW_MODE_WINDOW = 12.0  # a new mode within this of the best is news
 CROWD = 40  # so many answers nearly as good are a continuum: more rounds would only go on finding more
-CERTAIN_SD = 3.0  # of χ²: a lone answer that fits so well, found by both rounds of the first pair, is the answer
+CERTAIN_SD = 3.0  # of χ²: a lone answer that fits so well, found by both rounds of the first pair, is the answer …
+CERTAIN_POWER = 5e3  # … where signal over noise in a sample is this at the mean: 30 dB with 64 readings a leg
 
 
 @dataclass(slots=True, eq=False)
@@ -57,10 +58,15 @@ class _Progress:
             return self.quiet >= QUIET_ROUNDS
         lowest, k_sources = float(self.modes.cost[0]), self.modes.alpha.shape[1]
         hits = sum(low < lowest + HIT_WINDOW * self.unit for low in self.lows)
-        if hits == len(self.lows) and len(self.modes) == 1:
-            free = freedom(comp, k_sources)
-            return lowest < free + CERTAIN_SD * float(np.sqrt(2.0 * max(free, 1)))
+        if hits == len(self.lows) and self._certain(comp):
+            return True
         return hits >= HITS and (self.quiet >= QUIET_ROUNDS or self.near(self.modes) >= CROWD)
+
+    def _certain(self, comp: Compressed) -> bool:
+        """Whether the readings are clear, and one answer alone explains them."""
+        clear = float(comp.products.energy.sum()) > CERTAIN_POWER * float(comp.rank.sum())
+        free = max(freedom(comp, self.modes.alpha.shape[1]), 1)
+        return clear and len(self.modes) == 1 and self.modes.cost[0] < free + CERTAIN_SD * (2.0 * free) ** 0.5
 
 
 def search(comp: Compressed, k_sources: int, rng: np.random.Generator, *, threads: int = 2) -> Modes:
