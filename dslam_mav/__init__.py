@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from dslam_mav.dslam.estimator import estimate
     from dslam_mav.dslam.predict import bound
     from dslam_mav.flight_log import read_flight, read_log
-    from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
+    from dslam_mav.records import Estimate, Flight, Leg, Medium, ParametricPath, Path, Sources, Truth, Verdict
 
 __version__ = "0.1.0"
 
@@ -22,6 +22,7 @@ __all__ = [
     "Flight",
     "Leg",
     "Medium",
+    "ParametricPath",
     "Path",
     "Sources",
     "Truth",

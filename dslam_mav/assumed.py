@@ -12,7 +12,8 @@ from dslam_mav.dslam.estimator import estimate
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import FlownLeg, LegCollector, plan_headings_rad
 from dslam_mav.mission import Mission, leg_plan
-from dslam_mav.records.arrays import Array, Estimate, Flight, Path
+from dslam_mav.records import Estimate, Flight, Path
+from dslam_mav.records.arrays import Array
 
 Estimator = Callable[[Flight, tuple[FlownLeg, ...]], Estimate]
 """A flight, and the legs it was made of: one snapshot, so that headings and readings are of the same legs."""

@@ -13,7 +13,8 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.vehicle import parse_home
 from dslam_mav.errors import BadInputError
 from dslam_mav.mission import Mission, leg_plan
-from dslam_mav.records.arrays import Array, Medium
+from dslam_mav.records import Medium
+from dslam_mav.records.arrays import Array
 from missions.patterns import pattern
 from missions.plan import Profile, plan_mission
 from missions.plan_file import PlanFile, read_plan, write_plan

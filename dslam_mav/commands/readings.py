@@ -10,7 +10,8 @@ import numpy as np
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.mission import Mission, leg_plan
-from dslam_mav.records.arrays import Array, Medium, Truth
+from dslam_mav.records import Medium, Truth
+from dslam_mav.records.arrays import Array
 from missions.patterns import pattern
 from sim_bridge.fields.demonstration import RecordedDemo, recorded_demo
 from sim_bridge.fields.field import Field

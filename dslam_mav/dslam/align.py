@@ -40,18 +40,30 @@ class Alignment:
 
 
 def to_canonical(vertices_m: ArrayLike) -> Alignment:
-    """The alignment that brings a path (L+1, 2) into the canonical gauge."""
+    """The alignment that brings a path (L+1, d) into the canonical gauge, d = 2 or 3."""
     vertices = np.asarray(vertices_m, dtype=np.float64)
     legs = np.diff(vertices, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     directions = legs[lengths > 0.0] / lengths[lengths > 0.0, None]
     if not len(directions):
         raise ValueError("vertices_m: expected at least one leg of positive length")
-    c, s = directions[0]
-    sines = directions[:-1, 0] * directions[1:, 1] - directions[:-1, 1] * directions[1:, 0]
-    turns = sines[np.abs(sines) > MIN_TURN_SINE]
-    side = -1.0 if turns.size and turns[0] < 0.0 else 1.0
-    return Alignment(np.array([[c, s], [-side * s, side * c]]), vertices[0].copy())
+    return Alignment(_axes(directions), vertices[0].copy())
+
+
+def _axes(directions: Array) -> Array:
+    """(d, d) rows +x, +y(, +z) of the canonical gauge: each the first way a leg leaves the ones before."""
+    d = directions.shape[1]
+    rows = [directions[0]]
+    for leg in directions[1:]:
+        off = leg - sum(float(row @ leg) * row for row in rows)
+        size = float(np.linalg.norm(off))
+        if len(rows) < d and size > MIN_TURN_SINE:
+            rows.append(off / size)
+    while len(rows) < d:  # a straight or flat path: any axis that makes a proper rotation
+        spare = np.linalg.svd(np.array(rows))[2][-1]
+        last = np.linalg.det(np.array([*rows, spare])) if len(rows) == d - 1 else 1.0
+        rows.append(spare * np.sign(last))
+    return np.array(rows)
 
 
 def truth_in_canonical(truth: Truth) -> Truth:

@@ -9,28 +9,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam import bound, certify
-from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.certify import Noise
 from dslam_mav.dslam.fit import Fit
-from dslam_mav.dslam.joint import evaluate
+from dslam_mav.dslam.gauge import Placed, in_order, placed
+from dslam_mav.dslam.joint import evaluate, model_of
 from dslam_mav.dslam.priors import Priors
-from dslam_mav.dslam.problem import Problem, State, parameter_names, vertices
+from dslam_mav.dslam.problem import Problem, problem
+from dslam_mav.dslam.state import Layout, State, layout, parameter_names
+from dslam_mav.dslam.units import Units, in_si, parameter_units
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
 
 Array = NDArray[np.float64]
 
 HEADING_MISFIT_SD = 5.0
-AGE_UNKNOWN_LOG_SD = 1.0  # ln age less sure than this: μ and τ are not known apart, only their product
+RATE_UNKNOWN_LOG_SD = 1.0  # ln μ less sure than this: μ and τ are not known apart, only their product
+WITHOUT_POSITIONS = (Verdict.NOT_CONVERGED, Verdict.NOT_IDENTIFIABLE)
 
 
 def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, reason: str) -> Estimate:
     """An estimate without an answer: shapes kept, positions NaN."""
-    n_legs, d = len(flight.legs), medium.dimensions
+    d = medium.dimensions
+    curve = flight.parametric
+    n_legs = len(flight.legs) if curve is None else max(flight.n_readings - 1, 0)
     unknown = np.full(k_sources, np.nan)
     block = np.full((k_sources, d, d), np.nan)
+    coefficients = None if curve is None else np.full((curve.basis.shape[1], d), np.nan)
     return Estimate(
         sources=Sources(np.full((k_sources, d), np.nan), unknown, unknown, unknown),
-        path=Path(np.full((n_legs + 1, d), np.nan), np.full(n_legs, np.nan)),
+        path=Path(np.full((n_legs + 1, d), np.nan), np.full(n_legs, np.nan), coefficients),
         medium=medium,
         verdict=verdict,
         reason=reason,
@@ -49,28 +55,27 @@ def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, re
 class Answers:
     """The distinct fits of a problem, best first, and what is needed to tell what they are worth.
 
-    `span` is the unit the problem has its readings in; `freedom_inside` the numbers the legs can carry at most.
+    The problem is in units of its own; `freedom_inside` are the numbers the legs can carry at most.
     """
 
     problem: Problem
     fits: tuple[Fit, ...]
     level: Noise
     freedom_inside: int
-    span: float
+    unit: Units
     priors: Priors
 
 
 def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     """The best fit as an Estimate with the others as its alternatives."""
     best, *others = [_one(flight, medium, answers, f) for f in answers.fits]
-    alternatives = tuple(others)
     verdict, reason = certify.verdict(
         answers.level, best.position_covariance_m2, best.spread_m, len(others), answers.fits[0].converged
     )
     against = _against_headings(answers)
     if against is not None and verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS):
         verdict, reason = Verdict.MODEL_MISFIT, against
-    if verdict in (Verdict.NOT_CONVERGED, Verdict.NOT_IDENTIFIABLE):
+    if verdict in WITHOUT_POSITIONS:
         empty = nothing(flight, medium, len(best.sources), verdict, reason)
         return replace(
             empty,
@@ -84,16 +89,16 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
             unseen_directions=best.unseen_directions,
             diagnostics=best.diagnostics,
         )
-    alternatives = tuple(replace(e, verdict=verdict, reason="") for e in alternatives)
+    alternatives = tuple(replace(e, verdict=verdict, reason="") for e in others)
     return replace(best, verdict=verdict, reason=reason, alternatives=alternatives)
 
 
 def _against_headings(answers: Answers) -> str | None:
     """A leg that was not flown in its known heading, in words."""
-    prob, state = answers.problem, answers.fits[0].state
-    if prob.heading_prior is None:
+    known, state = answers.problem.known.heading, answers.fits[0].state
+    if known is None:
         return None
-    off = np.abs(np.angle(np.exp(1j * (state.theta + state.turn - prob.heading_prior[0]))))
+    off = np.abs(np.angle(np.exp(1j * (state.theta + state.turn - known[0]))))
     worst = int(np.argmax(off))
     sds = off[worst] / answers.priors.heading_sd_rad
     if sds < HEADING_MISFIT_SD:
@@ -101,69 +106,76 @@ def _against_headings(answers: Answers) -> str | None:
     return f"The readings put leg {worst + 1} {sds:.0f} standard deviations from its known heading."
 
 
-def _in_order(prob: Problem, f: Fit) -> tuple[State, Array]:
-    """The fit's state and Jacobian with its sources ordered by amplitude, first turn towards +y."""
-    state = f.state
-    order = np.argsort(-state.log_amplitude, kind="stable")
-    state = replace(state, s=state.s[order], log_amplitude=state.log_amplitude[order])
-    mirrored = to_canonical(vertices(state.theta, prob.length)).mirrored
-    if mirrored and prob.heading_prior is None:  # known headings tell left from right
-        state = replace(state, theta=-state.theta, s=state.s * np.array([1.0, -1.0]))
-    theta = (state.theta + np.pi) % (2.0 * np.pi) - np.pi
-    state = replace(state, theta=theta)
-    return state, evaluate(prob, state)[1]
-
-
 def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
-    prob, level, span = answers.problem, answers.level, answers.span
-    state, jacobian = _in_order(prob, f)
-    n_legs, k_sources, n = prob.length.size, len(state.s), prob.y.size
-    info = bound.information(jacobian, level.variance)
-    names = parameter_names(prob, k_sources)
-    covariance = info.covariance.copy()
-    if "ambient" in names:
-        i = names.index("ambient")
-        covariance[i, :] *= span
-        covariance[:, i] *= span
-    cost = float(f.residual @ f.residual)
-    amplitude = np.exp(state.log_amplitude) * span
-    spread2 = float(np.exp(state.log_spread2))
-    age_sd = float(np.sqrt(covariance[names.index("ln age"), names.index("ln age")])) if "ln age" in names else 0.0
-    fitted, activation = _fitted(flight, medium, prob, state, span)
-    if age_sd > AGE_UNKNOWN_LOG_SD or _beyond_telling(prob, state):
-        fitted, activation = replace(fitted, diffusivity_m2_s=None, activation_s=None), float("nan")
-    diagnostics: dict[str, Any] = {
-        "cost": cost,
-        "n_readings": n,
-        "freedom_inside": answers.freedom_inside,
-        "residual_inside_sd": float(np.sqrt(level.inside)) * span,
-        "residual_outside_sd": float(np.sqrt(level.outside)) * span,
-        "whiteness_p": level.p_value,
-        "systematic_share": level.systematic_share,
-    }
-    estimate = Estimate(
-        sources=Sources(state.s, amplitude, amplitude / (np.pi * spread2), np.full(k_sources, activation)),
-        path=Path(vertices(state.theta, prob.length), state.theta),
+    prob, level, unit = answers.problem, answers.level, answers.unit
+    state = in_order(prob, f.state)
+    k_sources, d = state.s.shape
+    at, names = layout(prob, k_sources), parameter_names(prob, k_sources)
+    info = bound.information(evaluate(prob, state, at)[1], level.variance)
+    where = placed(prob, state, at)
+    aligned = np.einsum("ab,kbp->kap", where.rotation, bound.aligned_columns(prob, state, at))
+    scale = parameter_units(at, unit)
+    real = in_si(state, unit)
+    amplitude, spread2 = np.exp(real.log_amplitude), np.exp(real.log_spread2)
+    fitted, activation = _fitted(flight, medium, prob, real, _rate_told(at, info.covariance, prob, state))
+    cost = float(f.residual @ f.residual) + prob.outside
+    return Estimate(
+        sources=Sources(where.sources * unit.length, amplitude, amplitude / (np.pi * spread2) ** (0.5 * d), activation),
+        path=_path(prob, real, where, unit),
         medium=fitted,
         verdict=Verdict.IDENTIFIED,
         reason="",
-        spread_m=float(np.sqrt(spread2)),
-        position_covariance_m2=bound.source_blocks(covariance, n_legs, k_sources),
-        path_aligned_covariance_m2=bound.path_aligned(covariance, state.theta, prob.length, state.s),
-        parameter_covariance=covariance,
+        spread_m=float(np.sqrt(np.exp(real.log_spread2.mean()))),
+        position_covariance_m2=bound.blocks(where.source_columns, info.covariance) * unit.length**2,
+        path_aligned_covariance_m2=bound.blocks(aligned, info.covariance) * unit.length**2,
+        parameter_covariance=info.covariance * np.outer(scale, scale),
         parameter_names=names,
-        noise_sd=level.sd * span,
-        log_likelihood=_log_likelihood(f.cost, n, level, span),
-        residual=-f.residual * span,
+        noise_sd=level.sd * unit.reading,
+        log_likelihood=_log_likelihood(f.cost + prob.outside, prob.n_readings, level, unit.reading),
+        residual=_residual(flight, medium, real),
+        gauge="anchored" if answers.priors.anchored else "canonical",
         unseen_directions=certify.unseen_in_words(info, names),
-        diagnostics=diagnostics,
+        diagnostics=_diagnostics(answers, state, cost),
     )
-    return estimate if answers.priors.heading_rad is None else _anchored(estimate, answers.priors, state.turn)
 
 
-def _beyond_telling(prob: Problem, state: State) -> bool:
-    """Whether the field is so old that only its age's prior still bounds it."""
-    return prob.age_prior is not None and state.log_age > np.log(prob.age_prior[0])
+def _diagnostics(answers: Answers, state: State, cost: float) -> dict[str, Any]:
+    level = answers.level
+    return {
+        "cost": cost,
+        "n_readings": answers.problem.n_readings,
+        "freedom_inside": answers.freedom_inside,
+        "residual_inside_sd": float(np.sqrt(level.inside)) * answers.unit.reading,
+        "residual_outside_sd": float(np.sqrt(level.outside)) * answers.unit.reading,
+        "whiteness_p": level.p_value,
+        "systematic_share": level.systematic_share,
+        "extent": state.extent,
+    }
+
+
+def _path(prob: Problem, real: State, where: Placed, unit: Units) -> Path:
+    vertices = where.vertices * unit.length
+    step = np.diff(vertices, axis=0)
+    heading = np.arctan2(step[:, 1], step[:, 0])
+    if prob.basis is None:
+        return Path(vertices, heading)
+    return Path(vertices, heading, real.coefficients @ where.rotation.T)
+
+
+def _residual(flight: Flight, medium: Medium, real: State) -> Array:
+    """(n,) measured − model at every reading, in its own units: the one pass over all readings after the fit."""
+    raw = problem(flight, medium)
+    return raw.y - model_of(raw, real)
+
+
+def _rate_told(at: Layout, covariance: Array, prob: Problem, state: State) -> bool:
+    """Whether μ and τ are known apart."""
+    if prob.rate is not None or prob.age is not None:
+        return True
+    last = at.medium.stop - 1
+    oldest = np.log(prob.known.age[0]) if prob.known.age is not None else np.inf
+    bounded_by_prior = bool((state.log_spread2 - state.log_rate > oldest).any())
+    return float(np.sqrt(covariance[last, last])) <= RATE_UNKNOWN_LOG_SD and not bounded_by_prior
 
 
 def _log_likelihood(cost: float, n: int, level: Noise, span: float) -> float:
@@ -172,52 +184,27 @@ def _log_likelihood(cost: float, n: int, level: Noise, span: float) -> float:
     return float(-0.5 * cost / variance - 0.5 * n * np.log(2.0 * np.pi * variance) - n * np.log(span))
 
 
-def _fitted(flight: Flight, medium: Medium, prob: Problem, state: State, span: float) -> tuple[Medium, float]:
-    """The medium with what was estimated filled in, and the common activation time (NaN where it cannot be known)."""
-    first = float(flight.legs[0].time_s[0])
-    spread2 = float(np.exp(state.log_spread2))
-    mu, tau = medium.diffusivity_m2_s, medium.activation_s
-    known_tau = tau if isinstance(tau, (int, float)) else None
-    if prob.evolution == "fixed":
-        known = known_tau if known_tau is not None else (first - spread2 / (4.0 * mu) if mu else None)
-        fitted = replace(medium, ambient=state.ambient * span, activation_s=known)
-        return fitted, float("nan") if known is None else float(known)
-    age: float | None
-    if not prob.static and prob.evolution in ("age", "both"):
-        age = float(np.exp(state.log_age))
-    elif known_tau is not None:
-        age = first - known_tau
-    else:
-        age = spread2 / (4.0 * mu) if mu else None
-    activation = float("nan") if age is None else first - age
-    fitted = Medium(
-        diffusivity_m2_s=spread2 / (4.0 * age) if age else None,
-        activation_s=activation if age else None,
-        spread_m=float(np.sqrt(spread2)) if medium.static else None,
-        ambient=state.ambient * span,
-        static=medium.static,
-        dimensions=medium.dimensions,
+def _fitted(flight: Flight, medium: Medium, prob: Problem, real: State, rate_told: bool) -> tuple[Medium, Array]:
+    """The medium with what was estimated filled in, and every source's activation time (NaN: cannot be known)."""
+    curve = flight.parametric
+    first = float(flight.legs[0].time_s[0] if curve is None else curve.time_s[0])
+    spread2, mu = np.exp(real.log_spread2), medium.diffusivity_m2_s
+    if prob.age is not None:
+        known = first - np.asarray(medium.activation_s, dtype=np.float64)
+        mu = mu or float(spread2.mean() / (4.0 * known.mean()))
+    elif not medium.static and mu is None and rate_told:
+        mu = float(np.exp(real.log_rate)) / 4.0
+    age = spread2 / (4.0 * mu) if mu else np.full(spread2.shape, np.nan)
+    activation = first - age
+    told = bool(np.isfinite(activation).all())
+    same = bool(np.ptp(spread2) == 0.0)
+    fitted = replace(
+        medium,
+        diffusivity_m2_s=mu,
+        activation_s=None if not told else float(activation[0]) if same else tuple(activation.tolist()),
+        spread_m=float(np.sqrt(spread2[0])) if medium.static and same else None,
+        ambient=real.ambient,
+        sensor_lag_s=float(np.exp(real.log_lag)),
+        extent=real.extent,
     )
     return fitted, activation
-
-
-def _anchored(result: Estimate, priors: Priors, turn: float) -> Estimate:
-    """The answer turned (and mirrored, where the first turn is clockwise) into the frame of the known headings.
-
-    What is not known of the turn itself adds to the positions' covariance.
-    """
-    assert priors.heading_rad is not None
-    side = priors.side
-    first = float(priors.heading_rad[0]) + side * turn
-    cos, sin = np.cos(first), np.sin(first)
-    rotation = np.array([[cos, -side * sin], [sin, side * cos]])
-    n_legs = result.path.heading_rad.size
-    covariance = bound.turned_blocks(result.parameter_covariance, n_legs, result.sources.position_m)
-    return replace(
-        result,
-        sources=replace(result.sources, position_m=result.sources.position_m @ rotation.T),
-        path=Path(result.path.vertices_m @ rotation.T, first + side * result.path.heading_rad),
-        position_covariance_m2=rotation @ covariance @ rotation.T,
-        path_aligned_covariance_m2=rotation @ result.path_aligned_covariance_m2 @ rotation.T,
-        gauge="anchored",
-    )

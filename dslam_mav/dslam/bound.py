@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.problem import vertices
+from dslam_mav.dslam.path import corners, path_columns
+from dslam_mav.dslam.problem import Problem
+from dslam_mav.dslam.state import Layout, State
 
 Array = NDArray[np.float64]
 
@@ -38,51 +40,38 @@ def information(jacobian: Array, noise_variance: float) -> Information:
     return Information(covariance, vectors[:, blind])
 
 
-def source_blocks(covariance: Array, n_legs: int, k_sources: int) -> Array:
-    """(K, 2, 2) covariance of each source's position."""
-    first = n_legs - 1
-    blocks = [
-        covariance[first + 2 * k : first + 2 * k + 2, first + 2 * k : first + 2 * k + 2] for k in range(k_sources)
-    ]
-    return np.array(blocks)
+def source_columns(at: Layout, k_sources: int) -> Array:
+    """(K, d, P): what every unknown does to the sources' places."""
+    d = (at.place.stop - at.place.start) // k_sources
+    columns = np.zeros((k_sources, d, at.size))
+    columns[:, :, at.place] = np.eye(k_sources * d).reshape(k_sources, d, k_sources * d)
+    return columns
 
 
-def turned_blocks(covariance: Array, n_legs: int, s: Array) -> Array:
-    """(K, 2, 2) the same where the last parameter is a turn of everything about the origin."""
-    first, last = n_legs - 1, covariance.shape[0] - 1
-    blocks = []
-    for k, (x, y) in enumerate(s):
-        index = [first + 2 * k, first + 2 * k + 1, last]
-        moved = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
-        blocks.append(moved @ covariance[np.ix_(index, index)] @ moved.T)
-    return np.array(blocks)
+def blocks(columns: Array, covariance: Array) -> Array:
+    """(M, d, d) covariance of each of M points, from what every unknown does to them (M, d, P)."""
+    return np.asarray(np.einsum("map,pq,mbq->mab", columns, covariance, columns))
 
 
-def path_aligned(covariance: Array, theta: Array, length: Array, s: Array) -> Array:
-    """(K, 2, 2) the same with the gauge fixed by the whole path: the least-squares motion of its vertices taken out.
+def aligned_columns(prob: Problem, state: State, at: Layout) -> Array:
+    """(K, d, P) the sources' with the gauge fixed by the whole path: its vertices' least-squares motion taken out.
 
     The first leg is a poor anchor: an error of its direction turns every source about the start.
     """
-    n_legs, k_sources = length.size, s.shape[0]
-    v = vertices(theta, length)
-    n_par = covariance.shape[0]
-    moved = np.zeros((2 * (n_legs + 1), n_par))
-    for i in range(1, n_legs):
-        moved[2 * (i + 1) :: 2, i - 1] = -length[i] * np.sin(theta[i])
-        moved[2 * (i + 1) + 1 :: 2, i - 1] = length[i] * np.cos(theta[i])
-    motion = np.linalg.pinv(_rigid(v)) @ moved
-    places = np.zeros((2 * k_sources, n_par))
-    places[:, n_legs - 1 : n_legs - 1 + 2 * k_sources] = np.eye(2 * k_sources)
-    places -= _rigid(s) @ motion
-    full = places @ covariance @ places.T
-    return np.array([full[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] for k in range(k_sources)])
+    k_sources = len(state.s)
+    moved = path_columns(prob, state, at)
+    motion = np.linalg.pinv(_rigid(corners(prob, state))) @ moved.reshape(-1, at.size)
+    taken = (_rigid(state.s) @ motion).reshape(k_sources, -1, at.size)
+    return source_columns(at, k_sources) - taken
 
 
 def _rigid(points: Array) -> Array:
-    """(2M, 3) what a small shift (x, y) and turn of the plane does to points (M, 2)."""
-    rows = np.zeros((2 * len(points), 3))
-    rows[0::2, 0] = 1.0
-    rows[1::2, 1] = 1.0
-    rows[0::2, 2] = -points[:, 1]
-    rows[1::2, 2] = points[:, 0]
-    return rows
+    """(M·d, shifts and turns) what a small rigid motion does to points (M, d)."""
+    n, d = points.shape
+    planes = [(0, 1)] if d == 2 else [(0, 1), (0, 2), (1, 2)]
+    rows = np.zeros((n, d, d + len(planes)))
+    rows[:, :, :d] = np.eye(d)
+    for i, (a, b) in enumerate(planes):
+        rows[:, a, d + i] = -points[:, b]
+        rows[:, b, d + i] = points[:, a]
+    return rows.reshape(n * d, -1)

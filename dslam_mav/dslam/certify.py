@@ -51,7 +51,7 @@ class Noise:
 def too_few(flight: Flight, n_parameters: int, k_sources: int) -> str | None:
     """Why these data cannot carry an estimate, or None."""
     need = 3 if k_sources > 1 else 2
-    if len(flight.legs) < need:
+    if flight.parametric is None and len(flight.legs) < need:
         return f"{len(flight.legs)} legs were flown; {k_sources} sources need at least {need}."
     for j, leg in enumerate(flight.legs, start=1):
         if leg.reading.size < MIN_READINGS_PER_LEG:

@@ -8,17 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from dslam_mav.dslam.joint import evaluate, residual_of
-from dslam_mav.dslam.problem import Problem, State, medium_names
+from dslam_mav.dslam.problem import Problem
+from dslam_mav.dslam.state import Layout, State, layout, moved
 
 Array = NDArray[np.float64]
 
-MAX_STEP_HEADING_RAD = 0.3
-MAX_STEP_SPREADS = 0.5
-MAX_STEP_LOG = 0.5
 MAX_ITERATIONS = 100
+FIRST_DAMPING = 1e-3
+LEAST_DAMPING = 1e-12
+MOST_DAMPING = 1e8
 PROBE = 0.1  # of a step: where the residual's second derivative is taken
 MOST_BEND = 0.75  # acceleration over velocity, as in the paper
 CONVERGED_GAIN = 1e-5  # in χ²: far below what a reading's noise can tell
@@ -35,31 +36,6 @@ class Fit:
     converged: bool
 
 
-def moved(prob: Problem, state: State, step: Array) -> State:
-    """The state after a step of the parameter vector, each part's step kept within what the model is linear in."""
-    n_head, k_sources = prob.length.size - 1, state.log_amplitude.size
-    spread = np.exp(0.5 * state.log_spread2)
-    theta = state.theta.copy()
-    theta[1:] += np.clip(step[:n_head], -MAX_STEP_HEADING_RAD, MAX_STEP_HEADING_RAD)
-    place = np.clip(step[n_head : n_head + 2 * k_sources], -MAX_STEP_SPREADS * spread, MAX_STEP_SPREADS * spread)
-    index = n_head + 3 * k_sources
-    logs = np.clip(step[n_head + 2 * k_sources : index], -MAX_STEP_LOG, MAX_STEP_LOG)
-    log_spread2, log_age, ambient, turn = state.log_spread2, state.log_age, state.ambient, state.turn
-    for name in medium_names(prob):
-        if name == "ambient":
-            ambient += float(step[index])
-        else:
-            change = float(np.clip(step[index], -MAX_STEP_LOG, MAX_STEP_LOG))
-            log_spread2 += change if name == "ln C" else 0.0
-            log_age += change if name == "ln age" else 0.0
-        index += 1
-    if prob.heading_prior is not None:
-        turn += float(np.clip(step[index], -MAX_STEP_HEADING_RAD, MAX_STEP_HEADING_RAD))
-    if prob.evolution == "age" and prob.diffusivity is not None:
-        log_spread2 = float(np.log(4.0 * prob.diffusivity) + log_age)
-    return State(theta, state.s + place.reshape(-1, 2), state.log_amplitude + logs, log_spread2, log_age, ambient, turn)
-
-
 def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit:
     """Levenberg–Marquardt from `start`, with Marquardt's scaling, to where a step no longer lowers the cost.
 
@@ -67,46 +43,52 @@ def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit
     step therefore carries its second-order correction, from one more residual (geodesic acceleration; Transtrum and
     Sethna, "Improvements to the Levenberg-Marquardt algorithm", arXiv:1201.5885).
     """
+    at = layout(prob, len(start.s))
     state = start
-    residual, jacobian = evaluate(prob, state)
+    residual, jacobian = evaluate(prob, state, at)
     cost = float(residual @ residual)
-    damping = 1e-3
+    damping = FIRST_DAMPING
     converged = False
     for _ in range(iterations):
-        step = _accelerated_step(prob, state, residual, jacobian, damping)
-        trial = None if step is None else moved(prob, state, step)
-        if trial is not None:
-            with np.errstate(over="ignore", invalid="ignore"):
-                residual_try, jacobian_try = evaluate(prob, trial)
-                cost_try = float(residual_try @ residual_try)
-            if np.isfinite(cost_try) and cost_try <= cost:
+        step = _accelerated_step(prob, state, at, (residual, jacobian), damping)
+        if step is not None:
+            trial = moved(prob, state, step, at)
+            residual_try, jacobian_try = evaluate(prob, trial, at)
+            cost_try = float(residual_try @ residual_try)
+            if cost_try <= cost:
                 gain = cost - cost_try
                 state, residual, jacobian, cost = trial, residual_try, jacobian_try, cost_try
-                damping = max(damping * 0.2, 1e-12)
-                if gain <= CONVERGED_GAIN * cost / prob.y.size:
+                damping = max(damping * 0.2, LEAST_DAMPING)
+                if gain <= CONVERGED_GAIN * (cost + prob.outside) / prob.n_readings:
                     converged = True
                     break
                 continue
         damping *= 3.0
-        if damping > 1e8:
+        if damping > MOST_DAMPING:
             converged = True
             break
     return Fit(state, residual[: prob.y.size], cost, jacobian, converged)
 
 
-def _accelerated_step(prob: Problem, state: State, residual: Array, jacobian: Array, damping: float) -> Array | None:
+def _accelerated_step(
+    prob: Problem, state: State, at: Layout, here: tuple[Array, Array], damping: float
+) -> Array | None:
     """Velocity and half its acceleration; None where the path bends too much for a step of this size."""
-    size = np.sqrt((jacobian**2).sum(axis=0))
+    residual, jacobian = here
+    normal = jacobian.T @ jacobian
+    size = np.sqrt(np.diag(normal))
     size[size == 0.0] = 1.0
-    scaled = jacobian / size
-    factor = cho_factor(scaled.T @ scaled + damping * np.eye(size.size), check_finite=False)
-    velocity = cho_solve(factor, -(scaled.T @ residual), check_finite=False)
-    with np.errstate(over="ignore", invalid="ignore"):
-        ahead = residual_of(prob, moved(prob, state, PROBE * velocity / size))
-        bend = 2.0 / PROBE * ((ahead - residual) / PROBE - scaled @ velocity)
+    normal /= np.outer(size, size)
+    normal.flat[:: size.size + 1] += damping
+    factor, info = dpotrf(normal)
+    if info != 0:
+        return None
+    velocity = dpotrs(factor, -(jacobian.T @ residual) / size)[0]
+    ahead = residual_of(prob, moved(prob, state, PROBE * velocity / size, at), at)
+    bend = 2.0 / PROBE * ((ahead - residual) / PROBE - jacobian @ (velocity / size))
     if not np.isfinite(bend).all():
         return None
-    acceleration = cho_solve(factor, -(scaled.T @ bend), check_finite=False)
+    acceleration = dpotrs(factor, -(jacobian.T @ bend) / size)[0]
     if 2.0 * np.linalg.norm(acceleration) > MOST_BEND * np.linalg.norm(velocity):
         return None
     return np.asarray((velocity + 0.5 * acceleration) / size)

@@ -1,124 +1,85 @@
-"""One residual and one analytic Jacobian over all readings of all legs (theory, section 8).
+"""One residual and one analytic Jacobian over all readings of a flight (theory, section 8).
 
-With Y = (S − b_j)ᵀc_j (4), d = (S − b_j)ᵀn_j and u = s − Y a source adds g = a/(πC) e^{−(u² + d²)/C} (3), so
-
-    ∂g/∂Y = 2u g/C,   ∂g/∂d = −2d g/C,   ∂g/∂S = ∂g/∂Y c_j + ∂g/∂d n_j,   ∂g/∂ln C = g ((u² + d²)/C − 1),
-    ∂g/∂θ_j = d ∂g/∂Y − Y ∂g/∂d,   ∂g/∂θ_i = −l_i n_iᵀ ∂g/∂S for an earlier leg i.
+Every case is this one: straight legs or a parametric path, in the plane or in space, sources of one age or each of
+its own, a field that stands still or evolves, an unknown ambient level, a slow sensor.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.problem import Problem, State, parameter_names, squared_spread, vertices
+from dslam_mav.dslam.kernels.model import add_columns, add_field, add_turns, lagged
+from dslam_mav.dslam.path import climb_of, directions, places, turns
+from dslam_mav.dslam.problem import Problem
+from dslam_mav.dslam.rows import prior_rows
+from dslam_mav.dslam.state import Layout, State, any_in, layout, uncertain_legs
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Terms:
-    """What residual and Jacobian share: Y_kj, d at every reading, u, C, r²/C and every source's share g (K, n)."""
-
-    along: Array
-    d: Array
-    u: Array
-    c: Array
-    r2: Array
-    g: Array
-    by_medium: list[Array]
+def model_of(prob: Problem, state: State) -> Array:
+    """(n,) what every reading, or number that stands for readings, would be."""
+    out = np.zeros(prob.s.size)
+    spread2, rate = np.exp(state.log_spread2), float(np.exp(state.log_rate))
+    add_field(places(prob, state), prob.t, state.s, state.log_amplitude, spread2, rate, state.extent, out)
+    lag = float(np.exp(state.log_lag))
+    if lag > 0.0:
+        lagged(out[:, None], prob.t, lag)
+    return _mixed(prob, out + state.ambient)
 
 
-def _terms(prob: Problem, state: State) -> _Terms:
-    cos, sin = np.cos(state.theta), np.sin(state.theta)
-    start = vertices(state.theta, prob.length)
-    dx = state.s[:, 0, None] - start[None, :-1, 0]
-    dy = state.s[:, 1, None] - start[None, :-1, 1]
-    along, across = dx * cos + dy * sin, dy * cos - dx * sin  # Y_kj (4) and d_kj, (K, L)
-    c, by_medium = squared_spread(prob, state)
-    u = prob.s[None, :] - along[:, prob.leg]
-    d = across[:, prob.leg]
-    r2 = (u * u + d * d) / c
-    g = np.exp(state.log_amplitude[:, None] - r2) / (np.pi * c)  # (3)
-    return _Terms(along, d, u, c, r2, g, by_medium)
+def residual_of(prob: Problem, state: State, at: Layout | None = None) -> Array:
+    """Residual (n + rows,): model − measured, then the priors' rows."""
+    at = at or layout(prob, len(state.s))
+    return np.concatenate([model_of(prob, state) - prob.y, prior_rows(prob, state, at)[0]])
 
 
-def residual_of(prob: Problem, state: State) -> Array:
-    """Residual (n + priors,): model − measured, then the priors' rows."""
-    readings = _terms(prob, state).g.sum(axis=0) + state.ambient - prob.y
-    return np.concatenate([readings, _prior_rows(prob, state)[0]])
+def evaluate(prob: Problem, state: State, at: Layout | None = None) -> tuple[Array, Array]:
+    """Residual (n + rows,) and Jacobian (n + rows, P)."""
+    at = at or layout(prob, len(state.s))
+    x = places(prob, state)
+    n, d = x.shape
+    out = np.zeros((n, at.size + 1))
+    columns, by_place, model = out[:, :-1], np.zeros((n, d)), np.zeros(n)
+    spread2, rate = np.exp(state.log_spread2), float(np.exp(state.log_rate))
+    first = (at.place.start, at.amplitude.start, at.medium.start, at.extent.start if any_in(at.extent) else -1)
+    add_columns(
+        x, prob.t, state.s, state.log_amplitude, spread2, rate, state.extent, at.map, first, model, columns, by_place
+    )
+    out[:, -1] = model
+    _path_columns(prob, state, at, by_place, columns)
+    lag = float(np.exp(state.log_lag))
+    if lag > 0.0:
+        by_lag = lagged(out, prob.t, lag)
+        columns[:, at.lag] = by_lag[:, -1:]
+    columns[:, at.ambient] = 1.0
+    out[:, -1] += state.ambient
+    out = _mixed(prob, out)
+    off, rows = prior_rows(prob, state, at)
+    return np.concatenate([out[:, -1] - prob.y, off]), np.vstack([out[:, :-1], rows])
 
 
-def evaluate(prob: Problem, state: State) -> tuple[Array, Array]:
-    """Residual (n + priors,) and Jacobian (n + priors, P)."""
-    terms = _terms(prob, state)
-    n_legs, k_sources = prob.length.size, state.log_amplitude.size
-    leg, u, d, c, g = prob.leg, terms.u, terms.d, terms.c, terms.g
-    cos, sin = np.cos(state.theta), np.sin(state.theta)
-    by_y = 2.0 * u * g / c
-    by_d = -2.0 * d * g / c
-    by_sx = by_y * cos[leg] - by_d * sin[leg]
-    by_sy = by_y * sin[leg] + by_d * cos[leg]
-    first = n_legs - 1
-    columns = np.zeros((prob.y.size, len(parameter_names(prob, k_sources))))
-    sum_x, sum_y = by_sx.sum(axis=0), by_sy.sum(axis=0)
-    own = (d * by_y - terms.along[:, leg] * by_d).sum(axis=0)
-    for i in range(1, n_legs):
-        turned = prob.length[i] * (sin[i] * sum_x - cos[i] * sum_y)
-        columns[:, i - 1] = np.where(leg > i, turned, np.where(leg == i, own, 0.0))
-    columns[:, first : first + 2 * k_sources : 2] = by_sx.T
-    columns[:, first + 1 : first + 2 * k_sources : 2] = by_sy.T
-    columns[:, first + 2 * k_sources : first + 3 * k_sources] = g.T
-    index = first + 3 * k_sources
-    by_log_c = (g * (terms.r2 - 1.0)).sum(axis=0)
-    for slope in terms.by_medium:
-        columns[:, index] = by_log_c * slope
-        index += 1
-    if prob.ambient is None:
-        columns[:, index] = 1.0
-    prior, prior_columns = _prior_rows(prob, state)
-    residual = np.concatenate([g.sum(axis=0) + state.ambient - prob.y, prior])
-    return residual, np.vstack([columns, prior_columns])
+def _path_columns(prob: Problem, state: State, at: Layout, by_place: Array, columns: Array) -> None:
+    """What the unknowns of the path do, from what a shift of every reading's place does."""
+    if prob.basis is not None:
+        moves = prob.basis[:, :, None] * by_place[:, None, :]
+        columns[:, at.coefficient] = moves.reshape(len(by_place), -1)
+        return
+    turn, which = turns(prob, state)
+    add_turns(by_place, prob.leg, prob.s, prob.length + state.longer, turn, which, columns)
+    if any_in(at.longer):
+        along = directions(state.theta, climb_of(prob, state))
+        longer = uncertain_legs(prob)
+        columns[:, at.longer] = np.where(prob.leg[:, None] > longer[None, :], by_place @ along[longer].T, 0.0)
 
 
-def _prior_rows(prob: Problem, state: State) -> tuple[Array, Array]:
-    """Residual rows of the priors and their Jacobian (rows, P)."""
-    n_legs, k_sources = prob.length.size, state.log_amplitude.size
-    n_par = len(parameter_names(prob, k_sources))
-    off: list[Array] = [np.empty(0)]
-    slopes: list[Array] = [np.empty((0, n_par))]
-    if prob.peak_prior is not None:
-        peak, sd = prob.peak_prior
-        excess = state.log_amplitude - np.log(np.pi * peak) - state.log_spread2
-        beyond = (excess > 0.0) / sd
-        rows = np.zeros((k_sources, n_par))
-        first = n_legs - 1 + 2 * k_sources
-        rows[:, first : first + k_sources] = np.diag(beyond)
-        if prob.evolution != "fixed":  # its first free parameter is ln C, or moves it one to one
-            rows[:, first + k_sources] = -beyond
-        off.append(excess * beyond)
-        slopes.append(rows)
-    if prob.age_prior is not None:
-        oldest, sd = prob.age_prior
-        older = max(state.log_age - float(np.log(oldest)), 0.0)
-        rows = np.zeros((1, n_par))
-        rows[0, parameter_names(prob, k_sources).index("ln age")] = (older > 0.0) / sd
-        off.append(np.array([older / sd]))
-        slopes.append(rows)
-    if prob.heading_prior is not None:
-        heading, sd = prob.heading_prior
-        turned = state.theta + state.turn - heading
-        rows = np.zeros((n_legs, n_par))
-        rows[1:, : n_legs - 1] = np.eye(n_legs - 1)
-        rows[:, -1] = 1.0
-        off.append(((turned + np.pi) % (2.0 * np.pi) - np.pi) / sd)
-        slopes.append(rows / sd)
-    if prob.closed_sd_m is not None:
-        rows = np.zeros((2, n_par))
-        rows[0, : n_legs - 1] = -prob.length[1:] * np.sin(state.theta[1:])
-        rows[1, : n_legs - 1] = prob.length[1:] * np.cos(state.theta[1:])
-        off.append(vertices(state.theta, prob.length)[-1] / prob.closed_sd_m)
-        slopes.append(rows / prob.closed_sd_m)
-    return np.concatenate(off), np.vstack(slopes)
+def _mixed(prob: Problem, values: Array) -> Array:
+    """Values at the places of the model, as the numbers that stand for the readings see them."""
+    if prob.mix is None:
+        return values
+    parts, begin = [], 0
+    for mix in prob.mix:
+        parts.append(mix @ values[begin : begin + mix.shape[1]])
+        begin += mix.shape[1]
+    return np.concatenate(parts)

@@ -11,9 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dslam_mav.dslam.bound import information, path_aligned, source_blocks
+from dslam_mav.dslam.bound import aligned_columns, blocks, information, source_columns
 from dslam_mav.dslam.joint import evaluate
-from dslam_mav.dslam.problem import Problem, State, parameter_names, problem
+from dslam_mav.dslam.path import path_columns
+from dslam_mav.dslam.priors import CLOSED_SHARE
+from dslam_mav.dslam.problem import Known, Problem, problem
+from dslam_mav.dslam.state import State, layout
 from dslam_mav.records import Flight, Leg, Medium, Sources
 
 Array = NDArray[np.float64]
@@ -57,86 +60,85 @@ def bound(
     names an argument that cannot be.
     """
     path = np.asarray(vertices_m, dtype=np.float64)
-    if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2:
-        raise ValueError(f"vertices_m: expected shape (2 or more, 2), got {path.shape}")
+    d = medium.dimensions
+    if path.ndim != 2 or path.shape[1] != d or len(path) < 2:
+        raise ValueError(f"vertices_m: expected shape (2 or more, {d}), got {path.shape}")
     for name, value in (("readings_per_leg", readings_per_leg), ("speed_m_s", speed_m_s), ("noise_sd", noise_sd)):
         if not value > 0:
             raise ValueError(f"{name}: expected a positive number, got {value}")
-    step = np.diff(path, axis=0)
-    prob = _unread(step, medium, readings_per_leg, speed_m_s)
-    spread2 = float(sources.amplitude[0] / (np.pi * sources.peak_reading[0]))
-    if prob.spread2 is not None:
-        spread2 = prob.spread2
-    state = State(
-        theta=np.arctan2(step[:, 1], step[:, 0]),
-        s=sources.position_m - path[0],
-        log_amplitude=np.log(sources.amplitude),
-        log_spread2=float(np.log(spread2)),
-        log_age=float(np.log(_age(prob, sources, medium, spread2))),
-        ambient=medium.ambient or 0.0,
+    prob = replace(
+        _unread(np.diff(path, axis=0), medium, readings_per_leg, speed_m_s),
+        known=_known(path, noise_sd, heading_sd_rad, length_sd_m, closed),
     )
-    if heading_sd_rad is not None:
-        prob = replace(prob, heading_prior=(state.theta, heading_sd_rad / noise_sd))
-    if closed:
-        prob = replace(prob, closed_sd_m=1e-3 * float(prob.length.sum()) / noise_sd)
-    return _bound(prob, state, noise_sd, length_sd_m)
+    return _bound(prob, _truth(prob, path, sources, medium), noise_sd)
+
+
+def _known(path: Array, noise_sd: float, heading_sd_rad: float | None, length_sd_m: float, closed: bool) -> Known:
+    step = np.diff(path, axis=0)
+    theta = np.arctan2(step[:, 1], step[:, 0])
+    length = float(np.linalg.norm(step, axis=1).sum())
+    return Known(
+        heading=None if heading_sd_rad is None else (theta, heading_sd_rad / noise_sd),
+        closed_sd=CLOSED_SHARE * length / noise_sd if closed else None,
+        length_sd=np.full(len(step), length_sd_m / noise_sd) if length_sd_m > 0.0 else None,
+    )
+
+
+def _truth(prob: Problem, path: Array, sources: Sources, medium: Medium) -> State:
+    """The state of the scene, what is unknown of it at its true value."""
+    step = np.diff(path, axis=0)
+    d = path.shape[1]
+    spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi
+    if prob.spread2 is not None:
+        spread2 = np.broadcast_to(prob.spread2, spread2.shape)
+    state = State.flat(
+        prob,
+        np.arctan2(step[:, 1], step[:, 0]),
+        sources.position_m - path[0],
+        np.log(sources.amplitude),
+        np.log(spread2),
+    )
+    if prob.rate is None:
+        state = replace(state, log_rate=float(np.log(spread2[0] / _age(prob, sources))))
+    if d == 3:
+        state = replace(state, climb=np.arcsin(step[:, 2] / prob.length))
+    lag = medium.sensor_lag_s
+    return replace(state, log_lag=float(np.log(lag)) if lag else -np.inf)
 
 
 def _unread(step: Array, medium: Medium, readings: int, speed_m_s: float) -> Problem:
     """The problem of a flight whose readings are still to come."""
     legs, start_s = [], 0.0
-    for length in np.linalg.norm(step, axis=1):
+    for length, own in zip(np.linalg.norm(step, axis=1), step, strict=True):
         s = float(length) * np.arange(readings) / readings
-        legs.append(Leg(float(length), s, start_s + s / speed_m_s, np.zeros(readings)))
+        rise = float(own[2]) if own.size == 3 else None
+        legs.append(Leg(float(length), s, start_s + s / speed_m_s, np.zeros(readings), rise_m=rise))
         start_s += float(length) / speed_m_s
     return problem(Flight(tuple(legs)), medium)
 
 
-def _age(prob: Problem, sources: Sources, medium: Medium, spread2: float) -> float:
-    if prob.age_s is not None:
-        return prob.age_s
-    if medium.diffusivity_m2_s is not None:
-        return spread2 / (4.0 * medium.diffusivity_m2_s)
+def _age(prob: Problem, sources: Sources) -> float:
+    if prob.age is not None:
+        return float(prob.age[0])
     activation = float(sources.activation_s[0])
     return -activation if np.isfinite(activation) and activation < 0.0 else 1.0
 
 
-def _bound(prob: Problem, state: State, noise_sd: float, length_sd_m: float) -> Bound:
-    jacobian = evaluate(prob, state)[1]
-    n_legs, k_sources = prob.length.size, len(state.s)
-    n_par = len(parameter_names(prob, k_sources))
-    if length_sd_m > 0.0:
-        jacobian = _with_lengths(prob, state, jacobian, noise_sd / length_sd_m)
-    covariance = information(jacobian, noise_sd**2).covariance[:n_par, :n_par]
-    blocks = source_blocks(covariance, n_legs, k_sources)
-    moved = np.zeros((n_legs + 1, 2, n_par))
-    for i in range(1, n_legs):
-        moved[i + 1 :, 0, i - 1] = -prob.length[i] * np.sin(state.theta[i])
-        moved[i + 1 :, 1, i - 1] = prob.length[i] * np.cos(state.theta[i])
-    vertex = np.einsum("vap,pq,vaq->v", moved, covariance, moved)
-    heading = np.sqrt(np.maximum(np.diag(covariance)[: n_legs - 1], 0.0))
-    worst = float(np.sqrt(np.linalg.eigvalsh(blocks).max()))
+def _bound(prob: Problem, state: State, noise_sd: float) -> Bound:
+    k_sources, n_legs = len(state.s), prob.n_legs
+    at = layout(prob, k_sources)
+    covariance = information(evaluate(prob, state, at)[1], noise_sd**2).covariance
+    own = blocks(source_columns(at, k_sources), covariance)
+    vertex = np.trace(blocks(path_columns(prob, state, at), covariance), axis1=1, axis2=2)
+    heading = np.sqrt(np.maximum(np.diag(covariance)[at.heading], 0.0))
+    worst = float(np.sqrt(np.linalg.eigvalsh(own).max()))
     return Bound(
-        position_covariance_m2=blocks,
-        aligned_covariance_m2=path_aligned(covariance, state.theta, prob.length, state.s),
-        heading_sd_rad=np.concatenate([[0.0], heading]),
+        position_covariance_m2=own,
+        aligned_covariance_m2=blocks(aligned_columns(prob, state, at), covariance),
+        heading_sd_rad=np.concatenate([[0.0], heading])[:n_legs],
         vertex_sd_m=np.sqrt(np.maximum(vertex, 0.0)),
-        identifiable=worst < UNIDENTIFIED_SPREADS * float(np.exp(0.5 * state.log_spread2)),
+        identifiable=worst < UNIDENTIFIED_SPREADS * state.spread,
     )
-
-
-def _with_lengths(prob: Problem, state: State, jacobian: Array, weight: float) -> Array:
-    """Columns for uncertain leg lengths, and their prior rows: a longer leg moves all later ones along it."""
-    n = prob.y.size
-    first, k_sources = prob.length.size - 1, len(state.s)
-    by_x = jacobian[:n, first : first + 2 * k_sources : 2].sum(axis=1)
-    by_y = jacobian[:n, first + 1 : first + 2 * k_sources : 2].sum(axis=1)
-    columns = np.zeros((len(jacobian), prob.length.size))
-    for i in range(prob.length.size):
-        along = np.cos(state.theta[i]) * by_x + np.sin(state.theta[i]) * by_y
-        columns[:n, i] = np.where(prob.leg > i, -along, 0.0)
-    prior = np.hstack([np.zeros((prob.length.size, jacobian.shape[1])), weight * np.eye(prob.length.size)])
-    return np.vstack([np.hstack([jacobian, columns]), prior])
 
 
 @dataclass(frozen=True, slots=True)

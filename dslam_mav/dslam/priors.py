@@ -1,15 +1,19 @@
-"""What a person knows besides the readings: headings, a closed path, plausible strengths. Rows of the joint fit."""
+"""What a person knows besides the readings: headings, a closed path, known points, plausible strengths."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dslam_mav.dslam.align import MIN_TURN_SINE
-from dslam_mav.dslam.problem import Problem, State, vertices
+from dslam_mav.dslam.path import corners, vertices
+from dslam_mav.dslam.problem import Known, Problem
+from dslam_mav.dslam.state import State
+from dslam_mav.dslam.units import Units
+from dslam_mav.records import Flight
 
 Array = NDArray[np.float64]
 
@@ -17,22 +21,37 @@ PLAUSIBLE_PEAK = 3.0  # times the readings' range: a stronger source must have b
 PEAK_LOG_SD = 0.8  # … and the logarithm of what it has beyond costs by this standard deviation
 OLDEST_FLIGHTS = 30.0  # flights: an older field stands still as far as one can tell; beyond it age costs by …
 AGE_LOG_SD = 1.0  # … this standard deviation of its logarithm
+USUAL_LAG = 0.02  # of the flight: where an unknown lag is looked for, …
+LAG_LOG_SD = 2.0  # … give or take this standard deviation of its logarithm
+EXTENT_SD = 0.3
 CLOSED_SHARE = 1e-3  # of the path: how well a path said to be closed closes
+POINT_SHARE = 1e-4  # of the path: how well a known point is known
 RESTARTS = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Priors:
-    """`heading_rad` (L,) with their standard deviation, counter-clockwise from east; `closed_sd_m` of the closure."""
+    """`heading_rad` (L,) with their sd, counter-clockwise from east; `closed_sd_m` of the closure; known points.
+
+    `point_index` (M,) vertices lie at `points_m` (M, d); `length_sd_m` (L,) of leg lengths.
+    """
 
     heading_rad: Array | None = None
     heading_sd_rad: float = 0.0
     closed_sd_m: float | None = None
+    point_index: NDArray[np.int64] | None = None
+    points_m: Array | None = None
+    length_sd_m: Array | None = None
 
     @property
     def any(self) -> bool:
         """Whether anything is known that the readings do not say."""
-        return self.heading_rad is not None or self.closed_sd_m is not None
+        return self.anchored or self.closed_sd_m is not None
+
+    @property
+    def anchored(self) -> bool:
+        """Whether the frame is known."""
+        return self.heading_rad is not None or self.points_m is not None
 
     @property
     def side(self) -> float:
@@ -43,43 +62,119 @@ class Priors:
         turns = sines[np.abs(sines) > MIN_TURN_SINE]
         return -1.0 if turns.size and turns[0] < 0.0 else 1.0
 
-    @property
-    def canonical_heading_rad(self) -> Array:
-        """(L,) the headings as the canonical gauge has them: the first 0, the first turn counter-clockwise."""
-        assert self.heading_rad is not None
-        return np.asarray(self.side * (self.heading_rad - self.heading_rad[0]))
+
+def priors_of(
+    flight: Flight,
+    dimensions: int,
+    closed_sd_m: float | None,
+    known_points: Mapping[int, ArrayLike] | None,
+    heading_prior: tuple[ArrayLike, float] | None,
+) -> Priors:
+    """The arguments of `estimate` checked; ValueError names the one that cannot be."""
+    if closed_sd_m is not None and not (np.isfinite(closed_sd_m) and closed_sd_m > 0.0):
+        raise ValueError(f"closed_sd_m: expected a positive standard deviation, got {closed_sd_m}")
+    n_legs = len(flight.legs)
+    if closed_sd_m is None and flight.closed:
+        closed_sd_m = CLOSED_SHARE * float(flight.lengths_m.sum()) if n_legs else None
+        if closed_sd_m is None:
+            raise ValueError("closed_sd_m: expected the closure's standard deviation for a parametric path")
+    heading, heading_sd = None, 0.0
+    if heading_prior is not None:
+        heading, heading_sd = np.array(heading_prior[0], dtype=np.float64), float(heading_prior[1])
+        if heading.shape != (n_legs,) or not n_legs or not np.isfinite(heading).all():
+            raise ValueError(f"heading_prior: expected {n_legs} finite headings, got shape {heading.shape}")
+        if not (np.isfinite(heading_sd) and heading_sd > 0.0):
+            raise ValueError(f"heading_prior: expected a positive standard deviation, got {heading_sd}")
+    index, points = _points(flight, dimensions, known_points, heading is not None)
+    sd = np.array([leg.length_sd_m for leg in flight.legs])
+    return Priors(heading, heading_sd, closed_sd_m, index, points, sd if (sd > 0.0).any() else None)
 
 
-def bounded(prob: Problem, noise_sd: float) -> Problem:
-    """With the priors every flight has: on strengths, and on the age of a field that hardly evolves."""
-    age = (OLDEST_FLIGHTS * float(prob.t[-1]), AGE_LOG_SD / noise_sd) if prob.evolution == "both" else None
-    return replace(prob, peak_prior=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd), age_prior=age)
+def _points(
+    flight: Flight, dimensions: int, known: Mapping[int, ArrayLike] | None, oriented: bool
+) -> tuple[NDArray[np.int64] | None, Array | None]:
+    if not known:
+        return None, None
+    count = len(flight.legs) + 1 if flight.legs else flight.n_readings
+    least = 1 if oriented else 2
+    if len(known) < least:
+        raise ValueError(f"known_points: expected at least {least} points to anchor the path, got {len(known)}")
+    for i, point in known.items():
+        where = np.asarray(point, dtype=np.float64)
+        if not (isinstance(i, (int, np.integer)) and 0 <= i < count):
+            raise ValueError(f"known_points: expected vertex indices from 0 to {count - 1}, got {i!r}")
+        if where.shape != (dimensions,) or not np.isfinite(where).all():
+            raise ValueError(f"known_points[{i}]: expected {dimensions} finite coordinates, got {point!r}")
+    index = np.array(sorted(known), dtype=np.int64)
+    return index, np.array([known[int(i)] for i in index], dtype=np.float64)
 
 
-def constrained(prob: Problem, priors: Priors, noise_sd: float) -> Problem:
+def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units) -> Problem:
+    """With the priors every flight has: on strengths, on the age of a field that hardly evolves, on leg lengths."""
+    duration = float(prob.t[-1])
+    unaged = prob.rate is None and prob.age is None
+    lengths = None if priors.length_sd_m is None else priors.length_sd_m / unit.length / noise_sd
+    known = Known(
+        peak=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd),
+        age=(OLDEST_FLIGHTS * duration, AGE_LOG_SD / noise_sd) if unaged else None,
+        lag=(float(np.log(USUAL_LAG * duration)), LAG_LOG_SD / noise_sd) if prob.lag is None else None,
+        extent_sd=EXTENT_SD / noise_sd,
+        length_sd=lengths,
+    )
+    return replace(prob, known=known)
+
+
+def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units) -> Problem:
     """With all that is known, weighed against the noise of a reading."""
-    closed = None if priors.closed_sd_m is None else priors.closed_sd_m / noise_sd
-    heading = None
+    prob = bounded(prob, noise_sd, priors, unit)
+    heading, points = None, None
     if priors.heading_rad is not None:
-        heading = (priors.canonical_heading_rad, priors.heading_sd_rad / noise_sd)
-    return replace(bounded(prob, noise_sd), closed_sd_m=closed, heading_prior=heading)
+        heading = (priors.heading_rad, priors.heading_sd_rad / noise_sd)
+    if priors.points_m is not None and priors.point_index is not None:
+        size = float(prob.length.sum()) if prob.n_legs else float(np.ptp(priors.points_m, axis=0).max()) / unit.length
+        points = (priors.point_index, priors.points_m / unit.length, POINT_SHARE * size / noise_sd)
+    closed = None if priors.closed_sd_m is None else priors.closed_sd_m / unit.length / noise_sd
+    return replace(prob, known=replace(prob.known, heading=heading, points=points, closed_sd=closed))
 
 
 def both_sides(prob: Problem, states: Sequence[State]) -> list[State]:
-    """Every answer and its mirror image, turned to where its headings agree best with those known.
+    """Every answer and its mirror image, turned and shifted to where it agrees best with what is known of the frame.
 
     Readings alone do not tell left from right, so that the search's canonical gauge may be the wrong one of the two.
     """
-    if prob.heading_prior is None:
+    known = prob.known
+    if known.heading is None and known.points is None:
         return list(states)
     out = []
     for state in states:
         for side in (1.0, -1.0):
-            theta = side * state.theta
-            off = prob.heading_prior[0] - theta
-            turn = float(np.arctan2(np.sin(off).sum(), np.cos(off).sum()))
-            out.append(replace(state, theta=theta, s=state.s * np.array([1.0, side]), turn=turn))
+            theta, s, terms = side * state.theta, state.s.copy(), state.coefficients.copy()
+            s[:, 1] *= side
+            terms[:, 1:2] *= side
+            there = replace(state, theta=theta, s=s, coefficients=terms)
+            if known.heading is not None:
+                off = known.heading[0] - theta
+                there = replace(there, turn=float(np.arctan2(np.sin(off).sum(), np.cos(off).sum())))
+            if known.points is not None:
+                there = _onto_points(prob, there)
+            out.append(there)
     return out
+
+
+def _onto_points(prob: Problem, state: State) -> State:
+    """Turned about the vertical and shifted so that known points are met best (Procrustes, Remark 3)."""
+    assert prob.known.points is not None
+    index, points, _ = prob.known.points
+    path = corners(prob, state)[index]
+    from_centre, to_centre = path - path.mean(axis=0), points - points.mean(axis=0)
+    cross = from_centre[:, 0] * to_centre[:, 1] - from_centre[:, 1] * to_centre[:, 0]
+    turn = float(np.arctan2(cross.sum(), (from_centre[:, :2] * to_centre[:, :2]).sum()))
+    if prob.known.heading is not None:
+        turn = state.turn
+    cos, sin = np.cos(turn), np.sin(turn)
+    rotation = np.eye(prob.dimensions)
+    rotation[:2, :2] = [[cos, -sin], [sin, cos]]
+    return replace(state, turn=turn, shift=points.mean(axis=0) - rotation @ path.mean(axis=0))
 
 
 def lone_starts(prob: Problem, priors: Priors, like: State, rng: np.random.Generator) -> list[State]:
@@ -87,16 +182,15 @@ def lone_starts(prob: Problem, priors: Priors, like: State, rng: np.random.Gener
 
     Headings as known, or random turns; the source anywhere about that path.
     """
-    spread = float(np.exp(0.5 * like.log_spread2))
     out = []
     for _ in range(RESTARTS):
         if priors.heading_rad is not None:
-            theta = priors.canonical_heading_rad
+            theta = priors.heading_rad - priors.heading_rad[0]
         else:
-            turn = 2.0 * np.pi / prob.length.size * rng.integers(1, max(2, (prob.length.size + 1) // 2))
-            theta = np.concatenate([[0.0], np.cumsum(turn + 0.2 * rng.standard_normal(prob.length.size - 1))])
+            turn = 2.0 * np.pi / prob.n_legs * rng.integers(1, max(2, (prob.n_legs + 1) // 2))
+            theta = np.concatenate([[0.0], np.cumsum(turn + 0.2 * rng.standard_normal(prob.n_legs - 1))])
         path = vertices(theta, prob.length)
-        place = rng.uniform(path.min(axis=0) - spread, path.max(axis=0) + spread)
-        peak = np.log(np.pi) + like.log_spread2 + np.log(np.ptp(prob.y))
-        out.append(replace(like, theta=theta, s=place[None, :], log_amplitude=np.array([peak])))
+        place = rng.uniform(path.min(axis=0) - like.spread, path.max(axis=0) + like.spread)
+        peak = np.log(np.pi) + like.log_spread2[:1]
+        out.append(replace(like, theta=theta, s=place[None, :], log_amplitude=peak))
     return out

@@ -1,7 +1,6 @@
-"""A flight's readings in one place, what is known of the medium, and one candidate answer.
+"""A flight's readings in one place, and what is known of path, medium and sensor.
 
-Parameters, in the canonical gauge (b_1 = 0, θ_1 = 0): headings θ_2 … θ_L, sources S_k, log amplitudes ln a_k, what is
-unknown of the medium, the ambient level. What is known is not a parameter; what has a prior gets a residual row.
+What is known is not a parameter; what has a prior gets a residual row (rows.py).
 """
 
 from __future__ import annotations
@@ -17,18 +16,37 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """Priors and constraints, with standard deviations in units of a reading's noise.
+
+    `heading`: headings (L,) and their sd. `closed_sd`: of the path's end about its start. `points`: vertex indices,
+    their places (M, d), their sd. `length_sd` (L,): of leg lengths; 0 is exact. `peak`: a source's peak reading beyond
+    the first number costs as the logarithm's excess over the second; without it, ever remoter and stronger sources
+    beside ever straighter paths fit almost anything. `age` likewise: in a field that stands still μ and τ run away
+    together. `lag`: ln of the sensor's time constant and its sd.
+    """
+
+    heading: tuple[Array, float] | None = None
+    closed_sd: float | None = None
+    points: tuple[NDArray[np.int64], Array, float] | None = None
+    length_sd: Array | None = None
+    peak: tuple[float, float] | None = None
+    age: tuple[float, float] | None = None
+    lag: tuple[float, float] | None = None
+    extent_sd: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Problem:
     """All readings of a flight in one place, and what is known of the medium.
 
-    `s`, `t`, `y` (n,) and `leg` (n,) in leg order; `length` (L,). `spread2` is the squared spread C at the first
-    reading where it is known; `age_s` the sources' age then, for a field that evolves (None: static or unknown).
-    `evolution`: what of C(t) is free: "fixed", "spread" (C at the first reading), "age" (its age, μ known),
-    "both"; a static field knows only "fixed" and "spread".
+    `s`, `t`, `y` (n,) and `leg` (n,) in leg order; `length` (L,); `rise` (L,) height gained where it is known (3-D).
+    `basis` (n, P) instead of legs for a parametric path. `spread2` (1,) or (K,): C at the first reading where it is
+    known; `age` (1,) or (K,): the sources' age then; `rate` = 4μ where known, 0 in a static field.
+    `spreads`: how many C are unknown, "none", "shared" or "each".
 
-    Priors have standard deviations in units of a reading's noise: headings, closure, and `peak_prior`: a source's
-    peak reading beyond the first number costs as the logarithm's excess over the second. Without it, ever remoter and
-    stronger sources beside ever straighter paths fit almost anything. `age_prior` likewise: in a field that stands
-    still μ and τ run away together.
+    Many readings are carried by few (reduce.py): then `s`, `t`, `leg` are places of the model, leg j's block of which
+    `mix[j]` turns into as many of the numbers `y`; `n_readings` are behind them and `outside` is what they leave over.
     """
 
     s: Array
@@ -38,97 +56,66 @@ class Problem:
     length: Array
     ambient: float | None
     static: bool
-    evolution: str
-    spread2: float | None
-    age_s: float | None
-    diffusivity: float | None
-    heading_prior: tuple[Array, float] | None = None
-    closed_sd_m: float | None = None
-    peak_prior: tuple[float, float] | None = None
-    age_prior: tuple[float, float] | None = None
+    spreads: str
+    spread2: Array | None
+    age: Array | None
+    rate: float | None
+    dimensions: int = 2
+    rise: Array | None = None
+    basis: Array | None = None
+    lag: float | None = 0.0
+    extent: float | None = 0.0
+    known: Known = Known()
+    mix: tuple[Array, ...] | None = None
+    n_readings: int = 0
+    outside: float = 0.0
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class State:
-    """One candidate answer: θ (L,) with θ_1 = 0, S (K, 2), ln a (K,), ln C and ln age at the first reading, ambient.
-
-    `turn` is the angle from the canonical gauge to the heading prior's frame, where there is a prior.
-    """
-
-    theta: Array
-    s: Array
-    log_amplitude: Array
-    log_spread2: float
-    log_age: float
-    ambient: float
-    turn: float = 0.0
+    @property
+    def n_legs(self) -> int:
+        """Straight legs; 0 for a parametric path."""
+        return self.length.size
 
 
 def problem(flight: Flight, medium: Medium) -> Problem:
-    """The problem a flight and a medium pose."""
-    t = np.concatenate([leg.time_s for leg in flight.legs])
+    """The problem a flight and a medium pose, point releases assumed unless the medium says otherwise."""
+    curve = flight.parametric
+    if curve is not None:
+        distance, t, y = np.zeros(curve.reading.size), curve.time_s, curve.reading
+        leg, basis = np.zeros(y.size, dtype=np.int64), curve.basis
+    else:
+        distance = np.concatenate([leg.distance_m for leg in flight.legs])
+        t = np.concatenate([leg.time_s for leg in flight.legs])
+        y = np.concatenate([leg.reading for leg in flight.legs])
+        leg = np.repeat(np.arange(len(flight.legs)), [leg.reading.size for leg in flight.legs])
+        basis = None
     first = float(t[0])
     mu, tau = medium.diffusivity_m2_s, medium.activation_s
-    known_tau = tau if isinstance(tau, (int, float)) else None
-    age = None if known_tau is None else first - known_tau
+    age = None if tau is None or isinstance(tau, str) else first - np.atleast_1d(np.asarray(tau, dtype=np.float64))
     spread2 = None
     if medium.spread_m is not None:
-        spread2 = medium.spread_m**2
+        spread2 = np.array([medium.spread_m**2])
     elif mu is not None and age is not None:
         spread2 = 4.0 * mu * age
-    if spread2 is not None:
-        evolution = "fixed"
-    elif medium.static or age is not None:
-        evolution = "spread"
-    else:
-        evolution = "age" if mu is not None else "both"
+    one_each = tau is None and not (medium.static and mu is None)
+    spreads = "none" if spread2 is not None else "each" if one_each else "shared"
+    rises = [leg.rise_m for leg in flight.legs]
+    climbs = medium.dimensions == 3 and bool(rises) and all(rise is not None for rise in rises)
     return Problem(
-        s=np.concatenate([leg.distance_m for leg in flight.legs]),
+        s=distance,
         t=t - first,
-        y=np.concatenate([leg.reading for leg in flight.legs]),
-        leg=np.repeat(np.arange(len(flight.legs)), [leg.reading.size for leg in flight.legs]),
+        y=y,
+        leg=leg,
         length=flight.lengths_m,
         ambient=medium.ambient,
         static=medium.static,
-        evolution=evolution,
+        spreads=spreads,
         spread2=spread2,
-        age_s=age,
-        diffusivity=mu,
+        age=age,
+        rate=0.0 if medium.static else (None if mu is None else 4.0 * mu),
+        dimensions=medium.dimensions,
+        rise=np.array(rises, dtype=np.float64) if climbs else None,
+        basis=basis,
+        lag=medium.sensor_lag_s,
+        extent=medium.extent or 0.0,
+        n_readings=y.size,
     )
-
-
-def medium_names(prob: Problem) -> tuple[str, ...]:
-    """Names of the medium's free parameters."""
-    names = {"fixed": (), "spread": ("ln C",), "age": ("ln age",), "both": ("ln C", "ln age")}[prob.evolution]
-    return (*names, "ambient") if prob.ambient is None else tuple(names)
-
-
-def parameter_names(prob: Problem, k_sources: int) -> tuple[str, ...]:
-    """Names in the order of the parameter vector."""
-    headings = tuple(f"heading of leg {j}" for j in range(2, prob.length.size + 1))
-    places = tuple(f"source {k} {axis}" for k in range(1, k_sources + 1) for axis in "xy")
-    amplitudes = tuple(f"ln amplitude {k}" for k in range(1, k_sources + 1))
-    turn = ("turn",) if prob.heading_prior is not None else ()
-    return (*headings, *places, *amplitudes, *medium_names(prob), *turn)
-
-
-def vertices(theta: Array, length: Array) -> Array:
-    """Path (L+1, 2) from headings and lengths, from the origin (2)."""
-    steps = length[:, None] * np.stack([np.cos(theta), np.sin(theta)], axis=1)
-    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
-
-
-def squared_spread(prob: Problem, state: State) -> tuple[Array, list[Array]]:
-    """C at every reading (n,), and ∂ln C/∂(free parameters of the medium), each (n,)."""
-    n = prob.t.size
-    c0 = np.exp(state.log_spread2)
-    if prob.static:
-        return np.full(n, c0), [np.ones(n)] if prob.evolution == "spread" else []
-    age = np.exp(state.log_age)
-    growth = 1.0 + prob.t / age
-    if prob.evolution == "age":  # μ known: C = 4μ(age + t)
-        assert prob.diffusivity is not None
-        return 4.0 * prob.diffusivity * age * growth, [1.0 / growth]
-    by_age = -(prob.t / age) / growth
-    free = {"fixed": [], "spread": [np.ones(n)], "both": [np.ones(n), by_age]}[prob.evolution]
-    return c0 * growth, free

@@ -24,6 +24,9 @@ NODE_STEP_SPREADS = 0.4
 MIN_FREEDOM = 0.1  # share of the readings a noise estimate must rest on
 FITS = 1.3  # a basis fits whose left-over is within this of the best, beyond its own scatter
 RIDGE = 1e-4
+SAME = 1e-6
+
+Group = tuple[Samples, Array]  # a leg, and the readings (N, M) of all M legs read like it
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +44,17 @@ def spread_scale(legs: Sequence[Samples], ambient_unknown: bool) -> Scale:
     narrowest = max(NARROWEST_SPACINGS * spacing, longest / MOST_SPREADS)
     steps = [(WIDEST * longest) ** 2 / 2.0**i for i in range(MOST_STEPS)]
     steps = [c for c in steps if c >= narrowest**2] or steps[:1]
-    left = [_left_over(legs, c, ambient_unknown) for c in steps]
+    groups = _grouped(legs)
+    left = [_left_over(groups, c, ambient_unknown) for c in steps]
     count = sum(leg.reading.size for leg in legs)
     usable = [i for i, (_, freedom) in enumerate(left) if freedom >= max(20.0, MIN_FREEDOM * count)]
     if not usable:
-        return Scale(_ratio(legs, steps[-1]), None)
+        return Scale(_ratio(groups, steps[-1]), None)
     variance = {i: left[i][0] / left[i][1] for i in usable}
     lowest = min(variance.values())
     fitting = [i for i in usable if variance[i] <= lowest * (FITS + 3.0 * np.sqrt(2.0 / left[i][1]))]
     sigma = float(np.sqrt(left[usable[-1]][0] / left[usable[-1]][1]))
-    return Scale(_ratio(legs, steps[fitting[0]]), sigma)
+    return Scale(_ratio(groups, steps[fitting[0]]), sigma)
 
 
 def _nodes(leg: Samples, c: float) -> Array:
@@ -62,26 +66,40 @@ def _at(leg: Samples, c: float) -> Samples:
     return Samples(leg.length, leg.distance, leg.reading, np.full(leg.reading.size, c))
 
 
-def _left_over(legs: Sequence[Samples], c: float, ambient_unknown: bool) -> tuple[float, int]:
+def _left_over(groups: Sequence[Group], c: float, ambient_unknown: bool) -> tuple[float, int]:
     """Energy and freedom beyond the span of curves of this C."""
     energy, freedom = 0.0, 0
-    for leg in legs:
+    for leg, readings in groups:
         basis = basis_of(curves(_at(leg, c), _nodes(leg, c), c, ambient_unknown)[0])
-        reading = leg.reading - leg.reading.mean() if ambient_unknown else leg.reading
-        left = reading - basis @ (basis.T @ reading)
-        energy += float(left @ left)
-        freedom += max(reading.size - basis.shape[1] - int(ambient_unknown), 0)
+        seen = readings - readings.mean(axis=0) if ambient_unknown else readings
+        left = seen - basis @ (basis.T @ seen)
+        energy += float((left**2).sum())
+        freedom += max(len(readings) - basis.shape[1] - int(ambient_unknown), 0) * readings.shape[1]
     return energy, freedom
 
 
-def _ratio(legs: Sequence[Samples], c: float) -> float:
+def _ratio(groups: Sequence[Group], c: float) -> float:
     """∫f²/∫f′² of the fit by curves of this C, what is constant over a leg taken out."""
     square = slope = 0.0
-    for leg in legs:
+    for leg, readings in groups:
         value, by_centre = curves(_at(leg, c), _nodes(leg, c), c, True)
         gram = value.T @ value
         gram[np.diag_indices_from(gram)] += RIDGE * np.trace(gram) / len(gram)
-        weights = np.linalg.lstsq(gram, value.T @ (leg.reading - leg.reading.mean()), rcond=None)[0]
+        weights = np.linalg.lstsq(gram, value.T @ (readings - readings.mean(axis=0)), rcond=None)[0]
         square += float(((value @ weights) ** 2).sum())
         slope += float(((by_centre @ weights) ** 2).sum())
     return square / slope if slope > 0.0 else c
+
+
+def _grouped(legs: Sequence[Samples]) -> list[Group]:
+    """Legs read at the same distances, to one part in a million, together: what they span is worked out once."""
+    groups: list[tuple[Samples, list[Array]]] = []
+    for leg in legs:
+        for other, readings in groups:
+            alike = other.distance.size == leg.distance.size and abs(other.length - leg.length) < SAME * leg.length
+            if alike and np.abs(other.distance - leg.distance).max() < SAME * leg.length:
+                readings.append(leg.reading)
+                break
+        else:
+            groups.append((leg, [leg.reading]))
+    return [(leg, np.stack(readings, axis=1)) for leg, readings in groups]

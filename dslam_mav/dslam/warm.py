@@ -6,7 +6,7 @@ import numpy as np
 
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.dslam.field import field
-from dslam_mav.dslam.problem import vertices
+from dslam_mav.dslam.path import vertices
 from dslam_mav.records import Flight, Leg, Medium
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, cast
 
 import numpy as np
@@ -171,7 +171,7 @@ def _encode_medium(medium: Medium) -> pb.Medium:
             setattr(message, name, float(value))
     if isinstance(medium.activation_s, str):
         message.activation_shared = True
-    elif isinstance(medium.activation_s, Sequence):
+    elif isinstance(medium.activation_s, tuple):
         message.activations_s.extend(medium.activation_s)
     elif medium.activation_s is not None:
         message.activation_s = float(medium.activation_s)

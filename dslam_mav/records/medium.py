@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,14 +15,14 @@ class Medium:
     """What is known of the medium; None means: estimate it.
 
     `spread_m` is √C of a static field and stands for μ and τ. `static` holds the field still at the flight's first
-    reading. `activation_s`: a number for all sources, K numbers in the order of `Estimate.sources`, "shared" for one
-    unknown common to all, or None for one unknown each; in a static field with neither μ nor `spread_m` given, None
-    and "shared" both mean one unknown spread. `extent`: the sources' shape κ (theory, section 10), 0 for point
-    releases; None frees it where the readings do not fit point releases.
+    reading. `activation_s`: a number for all sources, K numbers in any order (each source is given the one that suits
+    it), "shared" for one unknown common to all, or None for one unknown each; in a static field with neither μ nor
+    `spread_m` given, None and "shared" both mean one unknown spread. `extent`: the sources' shape κ (theory, section
+    10), 0 for point releases; None frees it where the readings do not fit point releases.
     """
 
     diffusivity_m2_s: float | None = None
-    activation_s: float | Literal["shared"] | Sequence[float] | None = None
+    activation_s: float | Literal["shared"] | tuple[float, ...] | None = None
     spread_m: float | None = None
     ambient: float | None = 0.0
     static: bool = False

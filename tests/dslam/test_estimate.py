@@ -336,7 +336,6 @@ def test_misuse_names_the_argument(arguments, named):
         (lambda: Flight((Leg(1.0, [0.0], [5.0], [1.0]), Leg(1.0, [0.0], [4.0], [1.0]))), r"legs\[1\].time_s"),
         (lambda: Medium(spread_m=-1.0, static=True), "spread_m"),
         (lambda: Medium(spread_m=1.0), "spread_m"),
-        (lambda: estimate(random_case((1,), 2, 30.0).flight, Medium(), 2), "activation_s"),
         (lambda: estimate(Flight(()), KNOWN, 2), "flight"),
         (lambda: estimate(random_case((1,), 2, 30.0).flight, Medium(activation_s=0.0), 2), "activation_s"),
     ],

@@ -1,0 +1,161 @@
+"""For a given number of sources: search → joint fit with all that is known → distinct answers and the noise left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
+from dslam_mav.dslam.fit import Fit, fit
+from dslam_mav.dslam.path import corners
+from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
+from dslam_mav.dslam.problem import Known, Problem
+from dslam_mav.dslam.resume import fits_the_flight, resumed
+from dslam_mav.dslam.scatter import scatter
+from dslam_mav.dslam.starts import Starts, starts, warm_starts
+from dslam_mav.dslam.state import State, layout
+from dslam_mav.dslam.units import Units
+from dslam_mav.records import Estimate
+
+Array = NDArray[np.float64]
+
+EXTENT_GAIN = 12.0  # Δχ² from which a free shape is believed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """The problem with all that is known of it, its distinct fits, best first, and the residuals' level."""
+
+    problem: Problem
+    fits: tuple[Fit, ...]
+    level: Noise
+    freedom_inside: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """A problem in units of its own, how many sources to find, what is known besides, and where to begin."""
+
+    problem: Problem
+    k_sources: int
+    priors: Priors
+    unit: Units
+    extent_free: bool
+    start: Estimate | None = None
+
+
+def solve(task: Task, rng: np.random.Generator) -> Solution | None:
+    """Every answer within the window; None where the search finds no start."""
+    if task.start is not None and fits_the_flight(task.problem, task.start, task.k_sources):
+        known = resumed(_alike(task.problem), task.start, task.unit)
+        if known:
+            warm = _solved(task, warm_starts(_alike(task.problem), task.k_sources, known, rng), rng)
+            if warm is not None and warm.fits[0].converged and not warm.level.misfit:
+                return warm
+    return _solved(task, _search(task.problem, task.k_sources, rng), rng)
+
+
+def _solved(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
+    prob, fits = _fits(task, begun, rng)
+    if not fits:
+        return None
+    level = _level(prob, begun, fits[0])
+    if task.extent_free and level.misfit:
+        shaped = replace(prob, extent=None)
+        better = _settled([fit(shaped, f.state) for f in fits])
+        if better and fits[0].cost - better[0].cost > EXTENT_GAIN * level.inside:
+            prob, fits = shaped, better
+            level = _level(prob, begun, fits[0])
+    return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside)
+
+
+def _search(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
+    """Starts at one C for all sources, whatever is known of each."""
+    if prob.basis is not None or prob.dimensions == 3:
+        return scatter(prob, k_sources, rng)
+    return starts(_alike(prob), k_sources, rng)
+
+
+def _alike(prob: Problem) -> Problem:
+    """The problem with one C for all sources, whatever is known of each, and nothing known beside the readings."""
+    return replace(
+        prob,
+        spreads="shared" if prob.spreads == "each" else prob.spreads,
+        spread2=None if prob.spread2 is None else np.exp(np.log(prob.spread2).mean(keepdims=True)),
+        age=None if prob.age is None else np.exp(np.log(prob.age).mean(keepdims=True)),
+        lag=prob.lag or 0.0,
+        extent=0.0,
+        known=Known(),
+    )
+
+
+def _as_asked(prob: Problem, found: Sequence[State]) -> list[State]:
+    """The states with every unknown of the problem; each source's own C where all are known."""
+    asked = list(found)
+    if prob.lag is None:
+        asked = [replace(state, log_lag=float(np.log(USUAL_LAG * prob.t[-1]))) for state in asked]
+    own = prob.spread2 if prob.spread2 is not None else prob.age
+    if own is not None and own.size > 1:
+        asked = [_with_own_spreads(prob, state, np.log(own)) for state in asked]
+    return asked
+
+
+def _with_own_spreads(prob: Problem, state: State, log_known: Array) -> State:
+    """Known spreads (or ages) given to the sources in the order that free ones come out in."""
+    free = replace(prob, spreads="each", spread2=None, age=None, rate=prob.rate or 0.0, known=Known())
+    loose = fit(free, state, iterations=12).state.log_spread2
+    level = state.log_spread2.mean() - log_known.mean() if prob.spread2 is None else 0.0
+    own = np.empty(log_known.size)
+    own[np.argsort(loose, kind="stable")] = np.sort(log_known) + level
+    return replace(state, log_spread2=own)
+
+
+def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem, list[Fit]]:
+    """The problem with all that is known, and its fits from every start, best first.
+
+    Those that do not settle count only where none does.
+    """
+    prob, priors, unit = task.problem, task.priors, task.unit
+    loose = bounded(prob, begun.sigma, priors, unit)
+    fits = _settled([fit(loose, state) for state in _as_asked(prob, begun.states)])
+    if not fits or not priors.any:
+        return loose, fits
+    k_sources = len(fits[0].state.s)
+    sigma = float(np.sqrt(_level(loose, begun, fits[0]).variance))
+    tight = constrained(prob, sigma, priors, unit)
+    again = [f.state for f in fits]
+    if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
+        again += lone_starts(prob, priors, fits[0].state, rng)
+    return tight, _settled([fit(tight, state) for state in both_sides(tight, again)])
+
+
+def _settled(fits: list[Fit]) -> list[Fit]:
+    ordered = sorted((f for f in fits if np.isfinite(f.cost)), key=lambda f: (not f.converged, f.cost))
+    return [f for f in ordered if f.converged] or ordered[:1]
+
+
+def _level(prob: Problem, begun: Starts, best: Fit) -> Noise:
+    cost = float(best.residual @ best.residual) + prob.outside
+    n_parameters = layout(prob, len(best.state.s)).size
+    return noise(cost, prob.n_readings, n_parameters, begun.outside, 1.0)
+
+
+def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:
+    """The best fit and every different one within the window."""
+    kept: list[Fit] = []
+    for f in fits:
+        if (f.cost - fits[0].cost) / level.variance >= WINDOW:
+            break
+        if all(_apart(prob, f, other) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
+            kept.append(f)
+    return kept
+
+
+def _apart(prob: Problem, a: Fit, b: Fit) -> float:
+    """The largest distance between the sources of two answers, whatever their order, or the corners of their paths."""
+    nearest = np.linalg.norm(a.state.s[:, None] - b.state.s[None, :], axis=2).min(axis=1).max()
+    off = corners(prob, a.state) - corners(prob, b.state)
+    return float(max(nearest, np.linalg.norm(off, axis=1).max()))
