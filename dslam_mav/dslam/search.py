@@ -56,7 +56,7 @@ class _Progress:
         """Whether further rounds would bring nothing."""
         if not len(self.modes):
             return self.quiet >= QUIET_ROUNDS
-        lowest, k_sources = float(self.modes.cost[0]), self.modes.alpha.shape[1]
+        lowest = float(self.modes.cost[0])
         hits = sum(low < lowest + HIT_WINDOW * self.unit for low in self.lows)
         if hits == len(self.lows) and self._certain(comp):
             return True
