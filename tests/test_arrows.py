@@ -31,7 +31,7 @@ HOUSE = {
     "assumptions": ("records", ""),
     "legs": (f"{SEEN} legs.plan", "numpy"),
     "legs.plan": ("mission", "numpy"),
-    "dslam": ("records", "numpy scipy numba threadpoolctl"),
+    "dslam": ("records", "numpy scipy numba llvmlite threadpoolctl"),
     "mav": (LEGS, "pymavlink numpy"),
     "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove_schemas_protobuf zstandard numpy"),
     "report": (f"{BASE} dslam", "jinja2 rich numpy"),

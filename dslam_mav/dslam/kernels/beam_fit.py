@@ -13,58 +13,18 @@ import math
 import numpy as np
 from numba import njit
 
+from dslam_mav.dslam.kernels.algebra import accept, add, clipped, damped_step, triangle
 from dslam_mav.dslam.kernels.fit import STEP_HEADING_RAD, STEP_LOG_AMPLITUDE, STEP_POSITION, FitOptions
-from dslam_mav.dslam.kernels.lanes import LANES, exponential, load, splat, square_root, store, where_less
-from dslam_mav.dslam.kernels.products import INLINE, Products, node, pair_products, value_slope
+from dslam_mav.dslam.kernels.lanes import LANES, Lanes, exponential, load, splat, store, where_less
+from dslam_mav.dslam.kernels.products import INLINE, Products, products_of, put_source
 from dslam_mav.dslam.kernels.tables import OPTIONS, Array
 
 STUCK = 1e6  # damping at which no step helps any more
-TINY_PIVOT = 1e-12  # of a parameter's own: the matrix is as good as singular, and the step along it none
-
-
-@njit(**INLINE)
-def add(rows, row, more):  # type: ignore[no-untyped-def]
-    """rows[row] += more."""
-    store(rows, row, load(rows, row) + more)
-
-
-@njit(**INLINE)
-def triangle(i, j):  # type: ignore[no-untyped-def]
-    """Row of element (i, j ≤ i) of a symmetric matrix."""
-    return i * (i + 1) // 2 + j
 
 
 @njit(**OPTIONS)
-def damped_step(matrix, gradient, damping, chol, step, n_par):  # type: ignore[no-untyped-def]
-    """(JᵀJ + λ diag) δ = −Jᵀr by Cholesky, packed; `chol` and `step` are overwritten, the step is in `step`."""
-    for i in range(n_par):
-        total = 0.0 - load(gradient, i)
-        for j in range(i):
-            entry = load(matrix, triangle(i, j))
-            for q in range(j):
-                entry = entry - load(chol, triangle(i, q)) * load(chol, triangle(j, q))
-            entry = entry * load(chol, triangle(j, j))
-            store(chol, triangle(i, j), entry)
-            total = total - entry * load(step, j)
-        own = load(matrix, triangle(i, i)) * (1.0 + damping) + 1e-12
-        pivot = own
-        for q in range(i):
-            entry = load(chol, triangle(i, q))
-            pivot = pivot - entry * entry
-        # the diagonal holds 1/pivot^½: one division a row
-        inverse = where_less(own * TINY_PIVOT, pivot, 1.0 / square_root(pivot), splat(0.0))
-        store(chol, triangle(i, i), inverse)
-        store(step, i, total * inverse)
-    for i in range(n_par - 1, -1, -1):
-        total = load(step, i)
-        for q in range(i + 1, n_par):
-            total = total - load(chol, triangle(q, i)) * load(step, q)
-        store(step, i, total * load(chol, triangle(i, i)))
-
-
-@njit(**OPTIONS)
-def _sources_on_leg(prods, j, k_sources, state, where, leg):  # type: ignore[no-untyped-def]
-    """Rows of `leg`, per source: Y, A, q = ∂ ln A/∂d, residual's products with A φ and A φ', M and M' times A."""
+def _sources_on_leg(prods: Products, j: int, k_sources: int, state: Array, where: Array, leg: Array) -> None:
+    """Every source as leg j sees it, into its rows of `leg`."""
     n_legs = prods.length.size
     cos, sin = load(state, j), load(state, n_legs + j)
     bx, by = load(where, 2 * j), load(where, 2 * j + 1)
@@ -75,34 +35,13 @@ def _sources_on_leg(prods, j, k_sources, state, where, leg):  # type: ignore[no-
         y = px * cos + py * sin
         d = py * cos - px * sin
         size = exponential(load(state, at + 2) - d * d * inv_c)
-        place, t = node(prods, y)
-        z, z1 = value_slope(prods.own, j, place, t)
-        store(leg, 7 * k, y)
-        store(leg, 7 * k + 1, size)
-        store(leg, 7 * k + 2, d * (-2.0 * inv_c))
-        store(leg, 7 * k + 3, 0.0 - size * z)
-        store(leg, 7 * k + 4, 0.0 - size * z1)
-        if prods.centred:
-            mean, mean1 = value_slope(prods.mean, j, place, t)
-            store(leg, 7 * k + 5, size * mean)
-            store(leg, 7 * k + 6, size * mean1)
-
-
-@njit(**INLINE)
-def products_of(prods, j, leg, k, o):  # type: ignore[no-untyped-def]
-    """Products on leg j of sources k and o: g·g, g·a, a·g, a·a with g = A φ, a = A φ'; from rows of `leg`."""
-    both = load(leg, 7 * k + 1) * load(leg, 7 * o + 1)
-    gg, ag, ga, aa = pair_products(prods, j, load(leg, 7 * k), load(leg, 7 * o))
-    gg, ag, ga, aa = both * gg, both * ag, both * ga, both * aa
-    if prods.centred:
-        mk, mk1 = load(leg, 7 * k + 5), load(leg, 7 * k + 6)
-        mo, mo1 = load(leg, 7 * o + 5), load(leg, 7 * o + 6)
-        gg, ga, ag, aa = gg - mk * mo, ga - mk * mo1, ag - mk1 * mo, aa - mk1 * mo1
-    return gg, ga, ag, aa
+        put_source(prods, j, leg, k, y, size, d * (-2.0 * inv_c))
 
 
 @njit(**OPTIONS)
-def _add_leg(prods, j, k_sources, state, leg, matrix, gradient):  # type: ignore[no-untyped-def]
+def _add_leg(
+    prods: Products, j: int, k_sources: int, state: Array, leg: Array, matrix: Array, gradient: Array
+) -> Lanes:
     """Add leg j's products of the sources' columns to the matrix and gradient; returns the leg's cost."""
     n_legs = prods.length.size
     cos, sin = load(state, j), load(state, n_legs + j)
@@ -147,12 +86,14 @@ def _add_leg(prods, j, k_sources, state, leg, matrix, gradient):  # type: ignore
 
 
 @njit(**INLINE)
-def _entry(matrix, i, j):  # type: ignore[no-untyped-def]
+def _entry(matrix: Array, i: int, j: int) -> Lanes:
     return load(matrix, triangle(max(i, j), min(i, j)))
 
 
 @njit(**OPTIONS)
-def _add_turn(j, lo, n_legs, k_sources, state, where, matrix, gradient):  # type: ignore[no-untyped-def]
+def _add_turn(
+    j: int, lo: int, n_legs: int, k_sources: int, state: Array, where: Array, matrix: Array, gradient: Array
+) -> None:
     """The row of the turn at the start of leg j, from the sources' products on legs j … hi."""
     index = 3 * k_sources + j - lo - 1
     own = triangle(index, 0)
@@ -179,7 +120,16 @@ def _add_turn(j, lo, n_legs, k_sources, state, where, matrix, gradient):  # type
 
 
 @njit(**OPTIONS)
-def _normal_equations(prods, how, k_sources, state, where, leg, matrix, gradient):  # type: ignore[no-untyped-def]
+def _normal_equations(
+    prods: Products,
+    how: FitOptions,
+    k_sources: int,
+    state: Array,
+    where: Array,
+    leg: Array,
+    matrix: Array,
+    gradient: Array,
+) -> Lanes:
     """Cost of eight candidates and their normal equations (packed lower triangle)."""
     n_legs = prods.length.size
     matrix[:, :] = 0.0
@@ -204,15 +154,8 @@ def _normal_equations(prods, how, k_sources, state, where, leg, matrix, gradient
     return cost
 
 
-@njit(**INLINE)
-def clipped(step, most):  # type: ignore[no-untyped-def]
-    """The step, at most `most` either way."""
-    step = where_less(step, splat(most), step, splat(most))
-    return where_less(splat(-most), step, step, splat(-most))
-
-
 @njit(**OPTIONS)
-def _move(how, n_legs, k_sources, state, step, trial):  # type: ignore[no-untyped-def]
+def _move(how: FitOptions, n_legs: int, k_sources: int, state: Array, step: Array, trial: Array) -> None:
     """The state after a clipped step; headings are kept as cosines and sines, turned by a short series."""
     for i in range(3 * k_sources):
         most = STEP_LOG_AMPLITUDE if i % 3 == 2 else STEP_POSITION
@@ -230,15 +173,8 @@ def _move(how, n_legs, k_sources, state, step, trial):  # type: ignore[no-untype
         store(trial, n_legs + j, sin * cos_all + cos * sin_all)
 
 
-@njit(**INLINE)
-def accept(better, worse, rows, rows_try):  # type: ignore[no-untyped-def]
-    """Lanes where better < worse take their rows from `rows_try`."""
-    for i in range(rows.shape[0]):
-        store(rows, i, where_less(better, worse, load(rows_try, i), load(rows, i)))
-
-
 @njit(**OPTIONS)
-def _read(theta, s, alpha, first, state):  # type: ignore[no-untyped-def]
+def _read(theta: Array, s: Array, alpha: Array, first: int, state: Array) -> None:
     n_legs, k_sources = theta.shape[1], alpha.shape[1]
     for w in range(LANES):
         b = min(first + w, theta.shape[0] - 1)  # a last block that is not full repeats the last candidate
@@ -250,7 +186,7 @@ def _read(theta, s, alpha, first, state):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def _write(state, how, first, theta, s, alpha):  # type: ignore[no-untyped-def]
+def _write(state: Array, how: FitOptions, first: int, theta: Array, s: Array, alpha: Array) -> None:
     n_legs, k_sources = theta.shape[1], alpha.shape[1]
     for w in range(min(LANES, theta.shape[0] - first)):
         b = first + w

@@ -7,16 +7,26 @@ import math
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.beam_fit import accept, add, clipped, damped_step, products_of, triangle
-from dslam_mav.dslam.kernels.lanes import LANES, exponential, load, splat, store, where_less
-from dslam_mav.dslam.kernels.products import Products, node, value_slope
+from dslam_mav.dslam.kernels.algebra import accept, add, clipped, damped_step, triangle
+from dslam_mav.dslam.kernels.lanes import LANES, Lanes, exponential, load, splat, store, where_less
+from dslam_mav.dslam.kernels.products import Products, products_of, put_source
 from dslam_mav.dslam.kernels.tables import OPTIONS, Array, Indices
 
 STEP = 1.0  # largest move of U, V or W in one iteration
 
 
 @njit(**OPTIONS)
-def _add_leg(prods, j, shift, which, k_sources, uvw, leg, matrix, gradient):  # type: ignore[no-untyped-def]
+def _add_leg(
+    prods: Products,
+    j: int,
+    shift: float,
+    which: int,
+    k_sources: int,
+    uvw: Array,
+    leg: Array,
+    matrix: Array,
+    gradient: Array,
+) -> Lanes:
     """Add one leg's products to the normal equations in (U, V, W); returns its cost.
 
     A source adds e^{V + U²/C} φ(shift + U) to the leg, U being row `which` of the source's three.
@@ -26,18 +36,8 @@ def _add_leg(prods, j, shift, which, k_sources, uvw, leg, matrix, gradient):  # 
     for k in range(k_sources):
         u, v = load(uvw, 3 * k + which), load(uvw, 3 * k + 1)
         size = exponential(v + u * u * inv_c)
-        place, t = node(prods, u + shift)
-        z, z1 = value_slope(prods.own, j, place, t)
-        store(leg, 7 * k, u + shift)
-        store(leg, 7 * k + 1, size)
-        store(leg, 7 * k + 2, u * (2.0 * inv_c))
-        store(leg, 7 * k + 3, 0.0 - size * z)
-        store(leg, 7 * k + 4, 0.0 - size * z1)
-        cost = cost - size * z
-        if prods.centred:
-            mean, mean1 = value_slope(prods.mean, j, place, t)
-            store(leg, 7 * k + 5, size * mean)
-            store(leg, 7 * k + 6, size * mean1)
+        put_source(prods, j, leg, k, u + shift, size, u * (2.0 * inv_c))
+        cost = cost + load(leg, 7 * k + 3)
     for k in range(k_sources):
         qk = load(leg, 7 * k + 2)
         for o in range(k + 1):

@@ -5,12 +5,16 @@ candidate, with the arithmetic operators among themselves and with plain numbers
 Arrays of them are float64 arrays (n, 8), read with `load(array, row)` and written with `store(array, row, lanes)`.
 """
 
+# Numba says what arguments the functions here take, and has no types of its own.
+# ruff: noqa: ARG001, ARG002
+# mypy: disable-error-code="no-untyped-call"
+
 from __future__ import annotations
 
 import operator
 from typing import Any
 
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import njit, types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
@@ -28,6 +32,9 @@ _FACTORIALS = (39916800.0, 3628800.0, 362880.0, 40320.0, 5040.0, 720.0, 120.0, 2
 _FLAGS = ("contract", "reassoc", "nsz")
 
 
+Lanes = Any  # what a compiled function takes and gives: a value of eight float64
+
+
 class LanesType(types.Type):
     """Type of a value of eight float64."""
 
@@ -42,10 +49,6 @@ lanes_type = LanesType()
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, of_type: Any) -> None:
         super().__init__(manager, of_type, _VECTOR)
-
-
-def _constant(value: float) -> Any:
-    return ir.Constant(_VECTOR, [ir.Constant(_DOUBLE, value)] * LANES)
 
 
 def _splat(builder: Any, value: Any) -> Any:
@@ -66,10 +69,9 @@ def _define(op: Any, instruction: str) -> None:
     @infer_global(op)
     class _Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
-            if len(args) == 2 and any(isinstance(a, LanesType) for a in args):
-                if all(isinstance(a, (LanesType, types.Float, types.Integer)) for a in args):
-                    return signature(lanes_type, *args)
-            return None
+            known = all(isinstance(a, (LanesType, types.Float, types.Integer)) for a in args)
+            ours = len(args) == 2 and any(isinstance(a, LanesType) for a in args)
+            return signature(lanes_type, *args) if known and ours else None
 
     def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         a, b = (_as_lanes(context, builder, v, t) for v, t in zip(args, sig.args, strict=True))
@@ -79,13 +81,18 @@ def _define(op: Any, instruction: str) -> None:
         lower_builtin(op, *pair)(_lower)
 
 
-for _op, _instruction in (
+for _op, _name in (
     (operator.add, "fadd"),
     (operator.sub, "fsub"),
     (operator.mul, "fmul"),
     (operator.truediv, "fdiv"),
 ):
-    _define(_op, _instruction)
+    _define(_op, _name)
+
+
+def _instruction(function: Any) -> Any:
+    """A function that emits the compiler's own instructions."""
+    return intrinsic(function)
 
 
 def _place(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
@@ -99,7 +106,7 @@ def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return builder.bitcast(place, _VECTOR.as_pointer())
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_instruction
 def load(typingctx: Any, array: Any, row: Any) -> Any:
     """Row `row` of a contiguous float64 array (n, 8)."""
 
@@ -109,7 +116,7 @@ def load(typingctx: Any, array: Any, row: Any) -> Any:
     return lanes_type(array, row), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_instruction
 def store(typingctx: Any, array: Any, row: Any, value: Any) -> Any:
     """Write row `row` of a contiguous float64 array (n, 8); a plain number goes to every lane."""
 
@@ -120,7 +127,7 @@ def store(typingctx: Any, array: Any, row: Any, value: Any) -> Any:
     return types.void(array, row, value), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_instruction
 def gather(typingctx: Any, table: Any, offset: Any, index: Any) -> Any:
     """table[offset + index] of a contiguous float64 array taken as flat; `index` are lanes of whole numbers."""
 
@@ -138,7 +145,7 @@ def gather(typingctx: Any, table: Any, offset: Any, index: Any) -> Any:
     return lanes_type(table, offset, index), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_instruction
 def splat(typingctx: Any, value: Any) -> Any:
     """The same number in every lane."""
 
@@ -148,7 +155,7 @@ def splat(typingctx: Any, value: Any) -> Any:
     return lanes_type(value), codegen
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_instruction
 def where_less(typingctx: Any, a: Any, b: Any, yes: Any, no: Any) -> Any:
     """Lane by lane: `yes` where a < b, else (NaN included) `no`."""
 
@@ -160,7 +167,7 @@ def where_less(typingctx: Any, a: Any, b: Any, yes: Any, no: Any) -> Any:
 
 
 def _unary(name: str) -> Any:
-    @intrinsic  # type: ignore[untyped-decorator]
+    @_instruction
     def function(typingctx: Any, value: Any) -> Any:
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             known = ir.FunctionType(_VECTOR, [_VECTOR])
@@ -176,7 +183,7 @@ square_root = _unary("sqrt")
 whole = _unary("floor")
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@_instruction
 def power_of_two(typingctx: Any, value: Any) -> Any:
     """2 to the power of lanes of whole numbers from −1022 to 1023."""
 
@@ -189,7 +196,7 @@ def power_of_two(typingctx: Any, value: Any) -> Any:
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def exponential(x):  # type: ignore[no-untyped-def]
+def exponential(x: Lanes) -> Lanes:
     """eˣ, good to 1e-14; x is cut to what a float64 can hold."""
     x = where_less(splat(_LOWEST_EXPONENT), x, x, splat(_LOWEST_EXPONENT))
     x = where_less(x, splat(MAX_EXPONENT), x, splat(MAX_EXPONENT))

@@ -16,6 +16,7 @@ from numba import njit
 
 from dslam_mav.dslam.kernels.lanes import (
     LANES,
+    Lanes,
     exponential,
     gather,
     load,
@@ -83,7 +84,7 @@ def tabulate(distance: Array, reading: Array, c: float, nodes: Array) -> tuple[A
 
 
 @njit(**INLINE)
-def _add_orders(sums, row, curve, u):  # type: ignore[no-untyped-def]
+def _add_orders(sums: Array, row: int, curve: Lanes, u: Lanes) -> None:
     u2 = u * u
     store(sums, row, load(sums, row) + curve)
     store(sums, row + 1, load(sums, row + 1) + curve * u * 2.0)
@@ -93,7 +94,7 @@ def _add_orders(sums, row, curve, u):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def node(prods, y):  # type: ignore[no-untyped-def]
+def node(prods: Products, y: Lanes) -> tuple[Lanes, Lanes]:
     """The nearest node and what is left, for lanes of places; those beyond the table get a node of zeros."""
     last = prods.own.shape[1] - 1.0
     u = (y - prods.y0) * (1.0 / prods.h)
@@ -105,14 +106,14 @@ def node(prods, y):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def value(table, j, at, t):  # type: ignore[no-untyped-def]
+def value(table: Array, j: int, at: Lanes, t: Lanes) -> Lanes:
     """A table's value on leg j, good to 1e-5 of its largest."""
     start = j * table.shape[1] * ORDERS
     return gather(table, start, at) + t * (gather(table, start + 1, at) + t * gather(table, start + 2, at))
 
 
 @njit(**INLINE)
-def value_slope(table, j, at, t):  # type: ignore[no-untyped-def]
+def value_slope(table: Array, j: int, at: Lanes, t: Lanes) -> tuple[Lanes, Lanes]:
     """A table's value and slope on leg j."""
     start = j * table.shape[1] * ORDERS
     f1, f2 = gather(table, start + 1, at), gather(table, start + 2, at)
@@ -122,7 +123,7 @@ def value_slope(table, j, at, t):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def value_slope_bend(table, j, at, t):  # type: ignore[no-untyped-def]
+def value_slope_bend(table: Array, j: int, at: Lanes, t: Lanes) -> tuple[Lanes, Lanes, Lanes]:
     """A table's value, slope and second derivative on leg j."""
     start = j * table.shape[1] * ORDERS
     f1, f2 = gather(table, start + 1, at), gather(table, start + 2, at)
@@ -132,7 +133,7 @@ def value_slope_bend(table, j, at, t):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def pair_products(prods, j, y, other):  # type: ignore[no-untyped-def]
+def pair_products(prods: Products, j: int, y: Lanes, other: Lanes) -> tuple[Lanes, Lanes, Lanes, Lanes]:
     """κ(Y, Y') of two curves on leg j, its slopes by Y and by Y', and its mixed derivative."""
     gap = y - other
     at, t = node(prods, 0.5 * (y + other))
@@ -146,3 +147,35 @@ def pair_products(prods, j, y, other):  # type: ignore[no-untyped-def]
         near * (0.5 * f1 + lean),
         near * (f * inv_c - lean * gap * inv_c + 0.25 * f2),
     )
+
+
+@njit(**INLINE)
+def put_source(prods: Products, j: int, leg: Array, k: int, y: Lanes, size: Lanes, lean: Lanes) -> None:
+    """Source k's seven rows of `leg`: Y, A, `lean`, −z·g, −z·a, and √N times the means of g and a.
+
+    g = A φ(Y) and a = A φ'(Y); `lean` is ∂ ln A/∂ of what changes the source's distance.
+    """
+    at, t = node(prods, y)
+    z, z1 = value_slope(prods.own, j, at, t)
+    store(leg, 7 * k, y)
+    store(leg, 7 * k + 1, size)
+    store(leg, 7 * k + 2, lean)
+    store(leg, 7 * k + 3, 0.0 - size * z)
+    store(leg, 7 * k + 4, 0.0 - size * z1)
+    if prods.centred:
+        mean, mean1 = value_slope(prods.mean, j, at, t)
+        store(leg, 7 * k + 5, size * mean)
+        store(leg, 7 * k + 6, size * mean1)
+
+
+@njit(**INLINE)
+def products_of(prods: Products, j: int, leg: Array, k: int, o: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+    """Products on leg j of sources k and o: g·g, g·a, a·g, a·a with g = A φ, a = A φ'; from rows of `leg`."""
+    both = load(leg, 7 * k + 1) * load(leg, 7 * o + 1)
+    gg, ag, ga, aa = pair_products(prods, j, load(leg, 7 * k), load(leg, 7 * o))
+    gg, ag, ga, aa = both * gg, both * ag, both * ga, both * aa
+    if prods.centred:
+        mk, mk1 = load(leg, 7 * k + 5), load(leg, 7 * k + 6)
+        mo, mo1 = load(leg, 7 * o + 5), load(leg, 7 * o + 6)
+        gg, ga, ag, aa = gg - mk * mo, ga - mk * mo1, ag - mk1 * mo, aa - mk1 * mo1
+    return gg, ga, ag, aa

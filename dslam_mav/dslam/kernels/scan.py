@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.lanes import LANES, exponential, load, splat, store
+from dslam_mav.dslam.kernels.lanes import LANES, Lanes, exponential, load, splat, store
 from dslam_mav.dslam.kernels.products import Products, node, value
 from dslam_mav.dslam.kernels.tables import OPTIONS, Array, Indices
 
 
 @njit(**OPTIONS)
-def _headings_cost(prods, j, bx, by, shift, s, alpha, cos, sin, leg):  # type: ignore[no-untyped-def]
+def _headings_cost(
+    prods: Products,
+    j: int,
+    bx: float,
+    by: float,
+    shift: float,
+    s: Array,
+    alpha: Array,
+    cos: Lanes,
+    sin: Lanes,
+    leg: Array,
+) -> Lanes:
     """Cost of leg j from (bx, by) at eight headings, for one candidate."""
     cost = splat(prods.energy[j])
     inv_c = 1.0 / prods.c[j]
