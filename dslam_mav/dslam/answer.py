@@ -68,11 +68,13 @@ class Answers:
 
 def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     """The best fit as an Estimate with the others as its alternatives."""
-    best, *others = [_one(flight, medium, answers, f) for f in answers.fits]
+    each = [(_one(flight, medium, answers, f), f) for f in answers.fits]
+    each.sort(key=lambda one: not certify.bounded(one[0].position_covariance_m2, one[0].spread_m))
+    (best, chosen), others = each[0], [e for e, _ in each[1:]]
     verdict, reason = certify.verdict(
-        answers.level, best.position_covariance_m2, best.spread_m, len(others), answers.fits[0].converged
+        answers.level, best.position_covariance_m2, best.spread_m, len(others), chosen.converged
     )
-    against = _against_headings(answers)
+    against = _against_headings(answers, chosen.state)
     if against is not None and verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS):
         verdict, reason = Verdict.MODEL_MISFIT, against
     if verdict in WITHOUT_POSITIONS:
@@ -93,9 +95,9 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     return replace(best, verdict=verdict, reason=reason, alternatives=alternatives)
 
 
-def _against_headings(answers: Answers) -> str | None:
+def _against_headings(answers: Answers, state: State) -> str | None:
     """A leg that was not flown in its known heading, in words."""
-    known, state = answers.problem.known.heading, answers.fits[0].state
+    known = answers.problem.known.heading
     if known is None:
         return None
     off = np.abs(np.angle(np.exp(1j * (state.theta + state.turn - known[0]))))

@@ -82,6 +82,11 @@ def noise(cost: float, n: int, n_parameters: int, outside: tuple[float, int], sp
     return Noise(pooled, s_in, s_out, p_value, share)
 
 
+def bounded(blocks: Array, spread: float) -> bool:
+    """Whether every source's place (K, d, d) is known to two spreads: an answer that is comes before one that is not."""
+    return bool(np.sqrt(np.linalg.eigvalsh(blocks).max()) < UNIDENTIFIED_SD_SPREADS * spread)
+
+
 def verdict(level: Noise, blocks: Array, spread: float, n_alternatives: int, converged: bool) -> tuple[Verdict, str]:
     """The first that applies of NOT_CONVERGED, NOT_IDENTIFIABLE, MODEL_MISFIT, AMBIGUOUS, IDENTIFIED, and why."""
     if not converged:

@@ -1,9 +1,13 @@
 """Many readings carried by few: one pass over them, after which nothing costs more for there having been many.
 
-Along a leg the model is smooth: a polynomial of degree M − 1 through its values at M Chebyshev points is the model to
-1e-10 (Trefethen, "Approximation Theory and Approximation Practice", chapter 8). With V the polynomials at the N
-readings and VᵀV = RᵀR, |f(s) − y|² = |R V₀⁻¹ f(nodes) − R⁻ᵀVᵀy|² + |y|² − |R⁻ᵀVᵀy|²: M numbers stand for N readings, white noise
-stays white, and what is left over is part of every answer's residual alike.
+For the joint fit, exactly: along a leg the model is smooth, and a polynomial through its values at M Chebyshev points
+is the model to 1e-10 (Trefethen, "Approximation Theory and Approximation Practice", chapter 8). With V the
+polynomials at the N readings, VᵀV = RᵀR and z = R⁻ᵀVᵀy,
+
+    |f(s) − y|² = |R V₀⁻¹ f(nodes) − z|² + |y|² − |z|²:
+
+M numbers stand for N readings, white noise stays white, and what is left over is part of every answer's residual.
+For the search, nearly: means of neighbouring readings.
 """
 
 from __future__ import annotations
@@ -19,12 +23,35 @@ from dslam_mav.dslam.problem import Problem
 
 Array = NDArray[np.float64]
 
+MOST_FOR_SEARCH = 512  # readings of a leg that the search looks at
 WORTH_IT = 3  # a leg with fewer than this many readings a node is left as it is
 BLOCK = 8192  # readings taken at once
 ORDER_FLOOR = 12
 ORDER_PER_SPREAD = 9.0  # points per half length in √C; with the floor: 1e-10 of a Gaussian anywhere about the leg
 GAP = 0.01  # of a leg: the widest stretch without readings
 STEADY = 1e-9  # of the flight: how far times may stray from a steady run along the leg
+
+
+def binned(prob: Problem) -> Problem:
+    """For the search: every leg's readings averaged in equal numbers of neighbours, at most 512 of them a leg."""
+    counts = np.bincount(prob.leg, minlength=prob.n_legs)
+    if prob.basis is not None or prob.mix is not None or counts.max() <= MOST_FOR_SEARCH:
+        return prob
+    many = int(np.ceil(counts.max() / MOST_FOR_SEARCH))
+    parts: list[tuple[Array, Array, Array]] = []
+    for j in range(prob.n_legs):
+        own = np.flatnonzero(prob.leg == j)
+        own = own[np.argsort(prob.s[own], kind="stable")][: max(own.size // many, 1) * many]
+        s, t, y = (values[own].reshape(-1, min(many, own.size)).mean(axis=1) for values in (prob.s, prob.t, prob.y))
+        parts.append((s, t, y))
+    return replace(
+        prob,
+        s=np.concatenate([s for s, _, _ in parts]),
+        t=np.concatenate([t for _, t, _ in parts]),
+        y=np.concatenate([y for _, _, y in parts]),
+        leg=np.repeat(np.arange(prob.n_legs), [s.size for s, _, _ in parts]),
+        n_readings=sum(s.size for s, _, _ in parts),
+    )
 
 
 def reduced(prob: Problem, narrowest_spread: float) -> Problem:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit
-from dslam_mav.dslam.path import corners
+from dslam_mav.dslam.media import apart, media_starts
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Known, Problem
+from dslam_mav.dslam.reduce import binned, reduced
 from dslam_mav.dslam.resume import fits_the_flight, resumed
 from dslam_mav.dslam.scatter import scatter
 from dslam_mav.dslam.starts import Starts, starts, warm_starts
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 
 HEAT = 6  # iterations all starts are given
 FAR_BEHIND = 40.0  # in χ², after them
+NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
 EXTENT_GAIN = 12.0  # Δχ² from which a free shape is believed
 
 
@@ -51,16 +53,29 @@ class Task:
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     """Every answer within the window; None where the search finds no start."""
+    coarse = binned(_alike(task.problem))
     if task.start is not None and fits_the_flight(task.problem, task.start, task.k_sources):
-        known = resumed(_alike(task.problem), task.start, task.unit)
+        known = resumed(coarse, task.start, task.unit)
         if known:
-            warm = _solved(task, warm_starts(_alike(task.problem), task.k_sources, known, rng), rng)
+            warm = _solved(task, warm_starts(coarse, task.k_sources, known, rng), coarse, rng)
             if warm is not None and warm.fits[0].converged and not warm.level.misfit:
                 return warm
-    return _solved(task, _search(task.problem, task.k_sources, rng), rng)
+    return _solved(task, _search(task.problem, coarse, task.k_sources, rng), coarse, rng)
 
 
-def _solved(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
+def _search(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
+    """Starts at one C for all sources, whatever is known of each."""
+    if prob.basis is not None or prob.dimensions == 3:
+        return scatter(prob, k_sources, rng)
+    return media_starts(coarse, k_sources, rng) if coarse.spread2 is None else starts(coarse, k_sources, rng)
+
+
+def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator) -> Solution | None:
+    """The joint fits from the starts, on all readings or what carries them, and what they are worth."""
+    if begun.states and coarse.n_readings < task.problem.n_readings:
+        narrowest = NARROWER * min(state.spread for state in begun.states)
+        task = replace(task, problem=reduced(task.problem, narrowest))
+        begun = _on_all_readings(begun, task.problem, task.problem.n_readings / coarse.n_readings)
     prob, fits = _fits(task, begun, rng)
     if not fits:
         return None
@@ -74,11 +89,13 @@ def _solved(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | N
     return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside)
 
 
-def _search(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
-    """Starts at one C for all sources, whatever is known of each."""
-    if prob.basis is not None or prob.dimensions == 3:
-        return scatter(prob, k_sources, rng)
-    return starts(_alike(prob), k_sources, rng)
+def _on_all_readings(begun: Starts, prob: Problem, each: float) -> Starts:
+    """What a search on means of so many readings each tells of the noise of one."""
+    if prob.mix is None:
+        outside = (begun.outside[0] * each, begun.outside[1])
+    else:
+        outside = (prob.outside, prob.n_readings - prob.y.size)
+    return replace(begun, sigma=begun.sigma * float(np.sqrt(each)), outside=outside)
 
 
 def _alike(prob: Problem) -> Problem:
@@ -143,7 +160,7 @@ def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
         unit = (ordered[0].cost + prob.outside) / prob.n_readings
         if f.cost > ordered[0].cost + FAR_BEHIND * unit:
             break
-        if all(_apart(prob, f, other) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
+        if all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
             kept.append(f)
     return _settled([f if f.converged else fit(prob, f.state) for f in kept])
 
@@ -165,13 +182,6 @@ def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:
     for f in fits:
         if (f.cost - fits[0].cost) / level.variance >= WINDOW:
             break
-        if all(_apart(prob, f, other) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
+        if all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
             kept.append(f)
     return kept
-
-
-def _apart(prob: Problem, a: Fit, b: Fit) -> float:
-    """The largest distance between the sources of two answers, whatever their order, or the corners of their paths."""
-    nearest = np.linalg.norm(a.state.s[:, None] - b.state.s[None, :], axis=2).min(axis=1).max()
-    off = corners(prob, a.state) - corners(prob, b.state)
-    return float(max(nearest, np.linalg.norm(off, axis=1).max()))

@@ -1,11 +1,8 @@
-"""Starts for the joint fit when the medium is known, and when its spread is not (theory, section 8).
-
-The search runs on legs compressed at one C(t). Where C is unknown, one round is made at each of a few values an
-octave apart, the joint fit with C free is made from the best, and the search goes on at the C it found.
-"""
+"""Starts for the joint fit: the search on legs compressed at one C(t) (theory, section 8)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +10,9 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.beam import corners_by_energy, search_round
 from dslam_mav.dslam.compress import Compressed, Samples, compress
-from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.joint import model_of
 from dslam_mav.dslam.modes import Modes, misfit
-from dslam_mav.dslam.problem import Known, Problem
-from dslam_mav.dslam.scale import Scale, spread_scale
+from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.search import search
 from dslam_mav.dslam.state import State
 
@@ -25,11 +20,6 @@ Array = NDArray[np.float64]
 
 SPREAD_GRID = (0.9, 2.1, 5.0)  # times the scale of the readings: C tried when nothing is known of it
 GROWTHS = (0.05, 0.4, 1.5)  # flight time over age tried when the age is unknown
-RIVALS = (4, 3, 2)  # how many different C the best answers may lie at after each heat of the race
-REFINED = 2  # modes of each round fitted with C free
-REFINING_ITERATIONS = 12
-SEARCHES = 3  # at most, while C still moves
-SAME_LOG_SPREAD2 = 0.1
 MAX_STARTS = 24
 
 
@@ -98,76 +88,29 @@ def states(prob: Problem, comp: Compressed, modes: Modes, at: tuple[float, float
 
 
 def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
-    """All that the search finds, in the order of its cost, at the C that fits best."""
-    scale = Scale(1.0, None)
-    if prob.spread2 is None:
-        scale = spread_scale(samples(prob, np.ones(prob.y.size)), prob.ambient is None)
-    grid, sigma = medium_grid(prob, scale.squared_spread), scale.sigma
-    at, fitted = grid[0], []
-    if len(grid) > 1:
-        fitted = _race(prob, k_sources, grid, sigma, rng)
-        at = _medium_of(fitted[0].state) if fitted else grid[len(grid) // 2]
-    for _ in range(SEARCHES if len(grid) > 1 else 1):
-        comp = compressed(prob, at, sigma)
-        modes = search(comp, k_sources, rng)
-        found = states(prob, comp, modes, at)
-        if len(grid) == 1:
-            break
-        fitted = _refined(prob, [*found[:REFINED], *(f.state for f in fitted[:REFINED])])
-        if not fitted:
-            break
-        before, at = at, _medium_of(fitted[0].state)
-        if abs(at[0] - before[0]) < SAME_LOG_SPREAD2:
-            break
-    level = comp.sigma * float(np.sqrt(misfit(modes, comp, k_sources)))
-    all_states = [*found, *(f.state for f in fitted)][:MAX_STARTS]
-    return Starts(tuple(all_states), level, (comp.energy_out, comp.dof_out), int(comp.rank.sum()), modes.rounds)
+    """All that the search finds at the known C, in the order of its cost."""
+    (at,) = medium_grid(prob, 1.0)
+    comp = compressed(prob, at, None)
+    modes = search(comp, k_sources, rng)
+    found = states(prob, comp, modes, at)[:MAX_STARTS]
+    return begin(comp, found, comp.sigma * float(np.sqrt(misfit(modes, comp, k_sources))), modes.rounds)
+
+
+def begin(comp: Compressed, found: Sequence[State], sigma: float, rounds: int) -> Starts:
+    """States with what the compressed legs tell of the noise."""
+    return Starts(tuple(found), sigma, (comp.energy_out, comp.dof_out), int(comp.rank.sum()), rounds)
 
 
 def warm_starts(prob: Problem, k_sources: int, found: list[State], rng: np.random.Generator) -> Starts:
     """States already known, and what one round of the search at their C brings beside them."""
-    at = _medium_of(found[0])
+    at = medium_of(found[0])
     comp = compressed(prob, at, None)
     modes = search_round(comp, k_sources, int(corners_by_energy(comp)[0]), rng)
     left = prob.y - model_of(prob, found[0])
     level = float(np.sqrt((left @ left + prob.outside) / prob.n_readings))
-    both = (*found, *states(prob, comp, modes, at))
-    return Starts(both, level, (comp.energy_out, comp.dof_out), int(comp.rank.sum()), 1)
+    return begin(comp, [*found, *states(prob, comp, modes, at)], level, 1)
 
 
-def _race(
-    prob: Problem, k_sources: int, grid: list[tuple[float, float]], sigma: float | None, rng: np.random.Generator
-) -> list[Fit]:
-    """Answers with C free, best first: a round at every C of the grid, then more at the C the best answers went to."""
-    pool: list[Fit] = []
-    places = grid
-    for heat, rivals in enumerate(RIVALS):
-        for at in places:
-            comp = compressed(prob, at, sigma)
-            corners = corners_by_energy(comp)
-            more = search_round(comp, k_sources, int(corners[heat % corners.size]), rng)
-            best = more.take(np.arange(min(REFINED, len(more))))
-            pool += _refined(prob, states(prob, comp, best, at))
-        pool.sort(key=lambda f: f.cost)
-        places = _different_media(pool)[:rivals]
-    return pool
-
-
-def _different_media(fits: list[Fit]) -> list[tuple[float, float]]:
-    """The media the answers ended with, best first, those alike told once."""
-    media: list[tuple[float, float]] = []
-    for f in fits:
-        if all(abs(_medium_of(f.state)[0] - other[0]) > SAME_LOG_SPREAD2 for other in media):
-            media.append(_medium_of(f.state))
-    return media
-
-
-def _refined(prob: Problem, candidates: list[State]) -> list[Fit]:
-    """The joint fit with C free from every candidate, best first, priors left out."""
-    bare = replace(prob, known=Known())
-    fits = [fit(bare, state, iterations=REFINING_ITERATIONS) for state in candidates]
-    return sorted((f for f in fits if np.isfinite(f.cost)), key=lambda f: f.cost)
-
-
-def _medium_of(state: State) -> tuple[float, float]:
+def medium_of(state: State) -> tuple[float, float]:
+    """(ln C, ln 4μ) of a state, C the mean of its sources'."""
     return float(state.log_spread2.mean()), state.log_rate

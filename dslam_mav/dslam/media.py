@@ -1,0 +1,167 @@
+"""Starts where C is unknown: rounds of the search at several C, each answer fitted with C free (theory, section 8).
+
+A grid point an octave is enough to begin with; from then on rounds go to the C that the best answers ended with, all
+of them, since the truth's is often not the best one's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.beam import REACH_SPREADS, corners_by_energy, search_round
+from dslam_mav.dslam.compress import Compressed
+from dslam_mav.dslam.fit import Fit, fit
+from dslam_mav.dslam.modes import Modes, misfit
+from dslam_mav.dslam.path import corners
+from dslam_mav.dslam.problem import Known, Problem
+from dslam_mav.dslam.scale import spread_scale
+from dslam_mav.dslam.starts import MAX_STARTS, Starts, begin, compressed, medium_grid, medium_of, samples, states
+from dslam_mav.dslam.state import State, layout
+
+Array = NDArray[np.float64]
+Medium = tuple[float, float]  # ln C and ln 4μ at the first reading
+
+REACHES = (REACH_SPREADS, 3.5)  # of the rounds of a pair
+MAX_ROUNDS = 24
+QUIET_ROUNDS = 3  # in a row that bring no news
+HITS = 3  # rounds that must have led to the best answer
+REFINED = 4  # modes of each round fitted with C free
+REFINED_WINDOW = 12.0  # of χ² at the round's own C
+FIRST_ITERATIONS = 4
+ITERATIONS = 10
+FAR_BEHIND = 60.0  # in χ² after the first iterations: not worth more
+DOUBT_SD = 1.0
+POOL_WINDOW = 25.0  # answers whose χ² is within this of the best are kept, …
+NEWS_WINDOW = 12.0  # … a new one within this is news
+SAME_SPREADS = 0.05  # answers nearer than this are one
+KNOWN_SPREADS = 0.15  # a mode nearer than this to an answer leads to it
+SAME_LOG = 0.2  # media nearer than this are one
+RIVALS = 3  # media that rounds go to in turn
+
+
+@dataclass(slots=True, eq=False)
+class _Pool:
+    """Distinct answers with C free, best first; how many rounds led to the best, and brought no news since."""
+
+    prob: Problem
+    fits: list[Fit] = field(default_factory=list)
+    hits: int = 0
+    quiet: int = 0
+
+    @property
+    def unit(self) -> float:
+        """χ² of one degree of freedom."""
+        return (self.fits[0].cost + self.prob.outside) / self.prob.n_readings
+
+    def judge(self, found: list[State]) -> None:
+        """Take in a round's modes: those that lead to answers already known are not fitted again."""
+        news = hit = False
+        for state in found:
+            known = self._known(state)
+            if known is None:
+                begun = fit(self.prob, state, iterations=FIRST_ITERATIONS)
+                known = self._known(begun.state)
+                if known is None and not (self.fits and begun.cost > self.fits[0].cost + FAR_BEHIND * self.unit):
+                    news |= self._add(fit(self.prob, begun.state, iterations=ITERATIONS))
+            hit |= known is not None and known is self.fits[0]
+        self.hits = 1 if news and not hit else self.hits + int(hit)
+        self.quiet = 0 if news else self.quiet + 1
+
+    def settled(self, comp: Compressed) -> bool:
+        """Whether further rounds would bring nothing: more are wanted where the best answer leaves more than noise."""
+        if not self.fits or self.hits < HITS:
+            return False
+        outside = comp.energy_out / max(comp.dof_out, 1)
+        free = max(self.prob.n_readings - layout(self.prob, len(self.fits[0].state.s)).size - comp.dof_out, 1)
+        inside = (self.fits[0].cost + self.prob.outside - comp.energy_out) / free
+        doubtful = inside > outside * (1.0 + DOUBT_SD * np.sqrt(2.0 / free + 2.0 / max(comp.dof_out, 1)))
+        return self.quiet >= QUIET_ROUNDS * (2 if doubtful else 1)
+
+    def _known(self, state: State) -> Fit | None:
+        """The answer that a state leads to, where it is known already."""
+        return next((f for f in self.fits if self._leads_to(state, f)), None)
+
+    def _leads_to(self, state: State, f: Fit) -> bool:
+        same_medium = abs(float(state.log_spread2[0] - f.state.log_spread2[0])) < SAME_LOG
+        return same_medium and apart(self.prob, state, f.state) < KNOWN_SPREADS * f.state.spread
+
+    def _add(self, new: Fit) -> bool:
+        """Whether the answer is a new one, nearly as good as the best."""
+        if not np.isfinite(new.cost):
+            return False
+        for i, f in enumerate(self.fits):
+            if apart(self.prob, new.state, f.state) < SAME_SPREADS * f.state.spread:
+                if new.cost < f.cost:
+                    self.fits[i] = new
+                    self.fits.sort(key=lambda one: one.cost)
+                return False
+        self.fits = sorted([*self.fits, new], key=lambda one: one.cost)
+        self.fits = [f for f in self.fits if f.cost <= self.fits[0].cost + POOL_WINDOW * self.unit]
+        return new.cost <= self.fits[0].cost + NEWS_WINDOW * self.unit
+
+    def media(self) -> list[Medium]:
+        """The media the answers ended with, best first, those alike told once."""
+        out: list[Medium] = []
+        for f in self.fits:
+            here = medium_of(f.state)
+            if all(abs(here[0] - other[0]) > SAME_LOG for other in out):
+                out.append(here)
+        return out[:RIVALS]
+
+
+def apart(prob: Problem, a: State, b: State) -> float:
+    """The largest distance between the sources of two answers, whatever their order, or the corners of their paths."""
+    nearest = np.linalg.norm(a.s[:, None] - b.s[None, :], axis=2).min(axis=1).max()
+    off = corners(prob, a) - corners(prob, b)
+    return float(max(nearest, np.linalg.norm(off, axis=1).max()))
+
+
+def media_starts(prob: Problem, k_sources: int, rng: np.random.Generator, *, threads: int = 2) -> Starts:
+    """All answers nearly as good as the best; `threads` (1 or 2) changes none of them."""
+    scale = spread_scale(samples(prob, np.ones(prob.y.size)), prob.ambient is None)
+    grid = medium_grid(prob, scale.squared_spread)
+    pool = _Pool(replace(prob, known=Known()))
+    seen: dict[Medium, Compressed] = {}
+
+    def at_medium(at: Medium) -> Compressed:
+        if at not in seen:
+            seen[at] = compressed(prob, at, scale.sigma)
+        return seen[at]
+
+    def one(index: int, at: Medium, own: np.random.Generator) -> Modes:
+        comp, order = seen[at], corners_by_energy(seen[at])
+        return search_round(comp, k_sources, int(order[index % order.size]), own, REACHES[index % len(REACHES)])
+
+    def pair(run: Callable[..., list[Modes]], done: int) -> None:
+        media = [_medium_for(index, grid, pool) for index in range(done, done + len(REACHES))]
+        for at in media:
+            at_medium(at)
+        found = run(one, range(done, done + len(REACHES)), media, rng.spawn(len(REACHES)))
+        for at, modes in zip(media, found, strict=True):
+            near = modes.cost < modes.cost.min(initial=np.inf) + REFINED_WINDOW * misfit(modes, seen[at], k_sources)
+            pool.judge(states(prob, seen[at], modes.take(np.flatnonzero(near)[:REFINED]), at))
+
+    rounds, last = 0, grid[0]
+    with ThreadPoolExecutor(threads) as executor:
+        while rounds < MAX_ROUNDS and not (rounds > len(grid) and pool.settled(seen[last])):
+            pair(lambda *of: list(executor.map(*of)), rounds)
+            rounds += len(REACHES)
+            last = _medium_for(len(grid), grid, pool)
+            at_medium(last)
+    comp = at_medium(medium_of(pool.fits[0].state) if pool.fits else grid[len(grid) // 2])
+    level = float(np.sqrt(pool.unit)) if pool.fits else comp.sigma
+    return begin(comp, [f.state for f in pool.fits[:MAX_STARTS]], level, rounds)
+
+
+def _medium_for(index: int, grid: list[Medium], pool: _Pool) -> Medium:
+    """Where a round is made: at every point of the grid once, then where the best answers went, to a twentieth."""
+    media = pool.media()
+    if index < len(grid) or not media:
+        return grid[index % len(grid)]
+    c, rate = media[(index - len(grid)) % len(media)]
+    return round(20.0 * c) / 20.0, rate if not np.isfinite(rate) else round(20.0 * rate) / 20.0
