@@ -18,6 +18,7 @@ from typing import NoReturn
 
 from dslam_mav.commands import options as shared
 from dslam_mav.commands.options import COUNT, NOT_NEGATIVE, POSITIVE, SEED
+from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.errors import BadInputError, DslamError
 
 BAD_INPUT = 2
@@ -99,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
     for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info):
         add(commands)
+    add_paper(commands, argparse.RawDescriptionHelpFormatter)
     return parser
 
 

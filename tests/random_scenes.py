@@ -150,7 +150,7 @@ def judge(case: Case, k_sources: int) -> Judged:
 
 
 def _in_basin(case: Case, mode: Estimate, best: fitting.Fit) -> bool:
-    """Whether a mode leads to the truth's own fit, once what the estimate holds against monstrous sources is left out."""
+    """Whether a mode leads to the truth's own fit, once the prior on monstrous sources is left out."""
     if not np.isfinite(mode.sources.position_m).all():
         return False
     order = _matching(mode.sources.position_m, best.state.s)

@@ -83,7 +83,7 @@ def noise(cost: float, n: int, n_parameters: int, outside: tuple[float, int], sp
 
 
 def bounded(blocks: Array, spread: float) -> bool:
-    """Whether every source's place (K, d, d) is known to two spreads: an answer that is comes before one that is not."""
+    """Whether every source's place (K, d, d) is known to two spreads; such answers come before those that are not."""
     return bool(np.sqrt(np.linalg.eigvalsh(blocks).max()) < UNIDENTIFIED_SD_SPREADS * spread)
 
 

@@ -126,4 +126,4 @@ def _carried(unit: Array, reading: Array, order: int) -> tuple[Array, Array, flo
         square += float(y @ y)
     triangle = np.linalg.cholesky(gram).T
     seen = solve_triangular(triangle, moments, trans="T")
-    return triangle, seen, max(square - float(seen @ seen), 0.0)
+    return np.asarray(triangle), np.asarray(seen), max(square - float(seen @ seen), 0.0)

@@ -148,7 +148,7 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)
-    return tight, _raced(tight, both_sides(tight, again))
+    return tight, _settled([fit(tight, state) for state in both_sides(tight, again)])
 
 
 def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
