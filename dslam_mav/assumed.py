@@ -42,7 +42,14 @@ def estimator(assumptions: Assumptions, collector: LegCollector, mission: Missio
         if assumptions.heading != "none":
             prior = (_headings(assumptions, collector, mission, legs), assumptions.heading_sd_rad)
         try:
-            result = estimate(flown, medium, assumptions.n_sources, heading_prior=prior, seed=assumptions.seed)
+            result = estimate(
+                flown,
+                medium,
+                assumptions.n_sources,
+                method=assumptions.method,
+                heading_prior=prior,
+                seed=assumptions.seed,
+            )
         except ValueError as problem:
             raise BadInputError(f"assumptions: {problem}") from None
         if prior is None or mission is None:

@@ -25,6 +25,7 @@ class Assumptions:
     heading: Literal["none", "vehicle", "plan"] = "none"
     heading_sd_rad: float = 0.0873
     distance: Literal["odometry", "speed", "plan"] | None = None
+    method: Literal["joint", "paper"] = "joint"
     seed: int = 0
 
     def medium(self) -> Medium:

@@ -31,7 +31,7 @@ def assumptions_from(
         given["ambient"] = None if options.ambient == "auto" else options.ambient
     for option, name in (
         ("diffusivity", "diffusivity_m2_s"), ("activation", "activation_s"), ("spread", "spread_m"),
-        ("heading", "heading"), ("distance", "distance"), ("seed", "seed"),
+        ("heading", "heading"), ("distance", "distance"), ("method", "method"), ("seed", "seed"),
     ):  # fmt: skip
         if getattr(options, option, None) is not None:
             given[name] = getattr(options, option)
@@ -106,6 +106,8 @@ def in_words(assumptions: Assumptions) -> dict[str, str]:
     else:
         facts["diffusivity μ"] = known(assumptions.diffusivity_m2_s, " m²/s")
         facts["activation time τ"] = known(assumptions.activation_s, " s")
+    if assumptions.method == "paper":
+        facts["method"] = "the paper's algebra"
     if assumptions.closed:
         facts["path"] = "ends where it began"
     return facts

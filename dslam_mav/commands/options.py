@@ -58,7 +58,11 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
         "--distance", choices=("odometry", "speed", "plan"), help="along a leg (default: the first the vehicle offers)"
     )
     group.add_argument("--closed", action="store_true", help="the path ends where it began")
-    group.add_argument("--method", choices=("joint",), help="joint: one fit over all readings")
+    group.add_argument(
+        "--method",
+        choices=("joint", "paper"),
+        help="one fit over all readings, or the paper's algebra (default: joint)",
+    )
     group.add_argument("--seed", metavar="N", type=SEED, help="of the search, the noise and the vehicle")
 
 

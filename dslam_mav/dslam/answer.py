@@ -23,6 +23,11 @@ Array = NDArray[np.float64]
 
 HEADING_MISFIT_SD = 5.0
 RATE_UNKNOWN_LOG_SD = 1.0  # ln μ less sure than this: μ and τ are not known apart, only their product
+ONLY_SHAPE = (
+    "Only the shape is known, up to scale: with the spread unknown, path, places and spread may grow alike without "
+    "changing a reading. The spread, two known points or the diffusivity would tell the size."
+)
+SCALE = "scale: coefficients, places and √C grow alike, amplitudes by the d-th power"
 WITHOUT_POSITIONS = (Verdict.NOT_CONVERGED, Verdict.NOT_IDENTIFIABLE)
 
 
@@ -77,6 +82,10 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     against = _against_headings(answers, chosen.state)
     if against is not None and verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS):
         verdict, reason = Verdict.MODEL_MISFIT, against
+    unseen, told = best.unseen_directions, best.diagnostics
+    if _only_shape(answers.problem) and verdict is not Verdict.NOT_CONVERGED:
+        verdict, reason = Verdict.NOT_IDENTIFIABLE, ONLY_SHAPE
+        unseen, told = (SCALE, *unseen[1:]), {**told, "shape": _shape(best)}
     if verdict in WITHOUT_POSITIONS:
         empty = nothing(flight, medium, len(best.sources), verdict, reason)
         return replace(
@@ -88,11 +97,32 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
             residual=best.residual,
             parameter_covariance=best.parameter_covariance,
             parameter_names=best.parameter_names,
-            unseen_directions=best.unseen_directions,
-            diagnostics=best.diagnostics,
+            unseen_directions=unseen,
+            diagnostics=told,
         )
     alternatives = tuple(replace(e, verdict=verdict, reason="") for e in others)
     return replace(best, verdict=verdict, reason=reason, alternatives=alternatives)
+
+
+def _told_by_readings(prob: Problem) -> Problem:
+    """Without the prior on strength along a curve: where answers are a continuum, it alone would bound some of them."""
+    return prob if prob.basis is None else replace(prob, known=replace(prob.known, peak=None))
+
+
+def _only_shape(prob: Problem) -> bool:
+    """Whether nothing says how large a parametric path is: (c, S, C, a) → (λc, λS, λ²C, λᵈa) changes no reading
+    (Table I row 5; theory, section 8).
+    """
+    return prob.basis is not None and prob.spread2 is None and not prob.rate and prob.known.points is None
+
+
+def _shape(best: Estimate) -> dict[str, Array]:
+    """Sources (K, d) and coefficients (P, d) in units of √C: what is known where the scale is not."""
+    assert best.path.coefficients_m is not None
+    return {
+        "source": best.sources.position_m / best.spread_m,
+        "coefficient": best.path.coefficients_m / best.spread_m,
+    }
 
 
 def _against_headings(answers: Answers, state: State) -> str | None:
@@ -113,7 +143,7 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     state = in_order(prob, f.state)
     k_sources, d = state.s.shape
     at, names = layout(prob, k_sources), parameter_names(prob, k_sources)
-    info = bound.information(evaluate(prob, state, at)[1], level.variance)
+    info = bound.information(evaluate(_told_by_readings(prob), state, at)[1], level.variance)
     where = placed(prob, state, at)
     aligned = np.einsum("ab,kbp->kap", where.rotation, bound.aligned_columns(prob, state, at))
     scale = parameter_units(at, unit)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,8 @@ from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.certify import too_few
+from dslam_mav.dslam.paper.method import estimate_by_paper
+from dslam_mav.dslam.paper.options import PaperOptions
 from dslam_mav.dslam.priors import Priors, priors_of
 from dslam_mav.dslam.problem import problem
 from dslam_mav.dslam.solve import Task, solve
@@ -48,7 +51,8 @@ def estimate(
     n_sources: int | None = None,
     *,
     max_sources: int = 5,
-    method: str = "joint",
+    method: Literal["joint", "paper"] = "joint",
+    paper: PaperOptions | None = None,
     closed_sd_m: float | None = None,
     known_points: Mapping[int, ArrayLike] | None = None,
     heading_prior: tuple[ArrayLike, float] | None = None,
@@ -61,18 +65,38 @@ def estimate(
     this (for `flight.closed` the default is a thousandth of the path). `known_points`: vertex index -> its place (d,).
     `heading_prior`: headings (L,) in radians, counter-clockwise from east, and their standard deviation; the answer
     is then anchored to them, its first vertex at (0, 0) unless points are known. `start`: an earlier estimate of the
-    same flight, with fewer legs or as many, to begin from. `seed` makes the search repeatable bit for bit. Raises
+    same flight, with fewer legs or as many, to begin from. `seed` makes the search repeatable bit for bit.
+    `method` "paper" is the paper's algebra step by step, with its options `paper`; it knows no heading prior. Raises
     ValueError for impossible arguments.
     """
     _check(flight, medium, method)
     for name, value in (("n_sources", n_sources), ("max_sources", max_sources)):
         if value is not None and not (isinstance(value, (int, np.integer)) and 1 <= value <= MAX_SOURCES):
             raise ValueError(f"{name}: expected a whole number from 1 to {MAX_SOURCES}, got {value!r}")
+    if method == "paper":
+        if heading_prior is not None:
+            raise ValueError('heading_prior: the paper\'s algebra has none; expected None with method="paper"')
+        return _by_paper(flight, medium, n_sources, max_sources, paper, closed_sd_m is not None, known_points)
     priors = priors_of(flight, medium.dimensions, closed_sd_m, known_points, heading_prior)
     question = _Question(flight, medium, priors, start, seed)
     # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
     with _threads().limit(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
         return _with_k(question, int(n_sources)) if n_sources is not None else _choose_k(question, max_sources)
+
+
+def _by_paper(
+    flight: Flight,
+    medium: Medium,
+    n_sources: int | None,
+    max_sources: int,
+    options: PaperOptions | None,
+    closed: bool,
+    known_points: Mapping[int, ArrayLike] | None,
+) -> Estimate:
+    with _threads().limit(limits=1, user_api="blas"):
+        return estimate_by_paper(
+            flight, medium, n_sources, max_sources, options or PaperOptions(), closed=closed, known_points=known_points
+        )
 
 
 @cache
@@ -81,8 +105,8 @@ def _threads() -> ThreadpoolController:
 
 
 def _check(flight: Flight, medium: Medium, method: str) -> None:
-    if method != "joint":
-        raise ValueError(f'method: expected "joint", got {method!r}')
+    if method not in ("joint", "paper"):
+        raise ValueError(f'method: expected "joint" or "paper", got {method!r}')
     curve = flight.parametric
     if not flight.legs and curve is None:
         raise ValueError("flight: expected at least one leg, or a parametric path")

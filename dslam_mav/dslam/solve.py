@@ -134,8 +134,6 @@ def _with_own_spreads(prob: Problem, state: State, log_known: Array) -> State:
 
 def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem, list[Fit]]:
     """The problem with all that is known, and its fits from every start, best first.
-
-    Those that do not settle count only where none does.
     """
     prob, priors, unit = task.problem, task.priors, task.unit
     loose = bounded(prob, begun.sigma, priors, unit)
@@ -166,8 +164,8 @@ def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
 
 
 def _settled(fits: list[Fit]) -> list[Fit]:
-    ordered = sorted((f for f in fits if np.isfinite(f.cost)), key=lambda f: (not f.converged, f.cost))
-    return [f for f in ordered if f.converged] or ordered[:1]
+    """Settled fits first, best first; those that ended in a flat valley stay as rivals."""
+    return sorted((f for f in fits if np.isfinite(f.cost)), key=lambda f: (not f.converged, f.cost))
 
 
 def _level(prob: Problem, begun: Starts, best: Fit) -> Noise:
@@ -180,8 +178,7 @@ def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:
     """The best fit and every different one within the window."""
     kept: list[Fit] = []
     for f in fits:
-        if (f.cost - fits[0].cost) / level.variance >= WINDOW:
-            break
-        if all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
+        near = (f.cost - fits[0].cost) / level.variance < WINDOW
+        if near and all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
             kept.append(f)
     return kept
