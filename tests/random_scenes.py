@@ -19,13 +19,14 @@ from dslam_mav.dslam import problem as posing
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.field import field, squared_spread_m2
 from dslam_mav.dslam.state import State
-from dslam_mav.records import Estimate
+from dslam_mav.records import Estimate, Verdict
 from missions.patterns import star
 
 Array = NDArray[np.float64]
 
 BOX = 1.6
 APART = 0.8
+INSIDE_95 = 5.991  # χ² of two degrees of freedom
 SAME_BASIN = 0.05  # in spreads: an answer this near the truth's own fit is in its basin
 
 
@@ -117,6 +118,8 @@ class Judged:
     mode_error_m: float  # of the mode nearest to the truth
     mode_bound_m: float  # what that mode's covariance predicts
     mode_nees: float  # of that mode, per degree of freedom
+    mode_inside: float  # share of its sources whose 95 % ellipse holds the truth
+    wrong: bool  # IDENTIFIED, and a source off by more than five standard deviations
 
 
 def judge(case: Case, k_sources: int) -> Judged:
@@ -133,10 +136,9 @@ def judge(case: Case, k_sources: int) -> Judged:
     errors = [_error(mode, case.position_m) for mode in modes]
     nearest = int(np.nanargmin(errors)) if np.isfinite(errors).any() else 0
     mode = modes[nearest]
-    order = _matching(mode.sources.position_m, case.position_m)
-    blocks = mode.position_covariance_m2[order]
-    off = mode.sources.position_m[order] - case.position_m
-    nees = float(np.mean([o @ np.linalg.solve(c, o) / 2.0 for o, c in zip(off, blocks, strict=True)]))
+    squares = (
+        _squares(mode, case.position_m) if np.isfinite(mode.sources.position_m).all() else np.full(k_sources, np.nan)
+    )
     return Judged(
         estimate=result,
         seconds=seconds,
@@ -144,9 +146,18 @@ def judge(case: Case, k_sources: int) -> Judged:
         truth_listed=listed,
         error_m=errors[0],
         mode_error_m=errors[nearest],
-        mode_bound_m=float(np.sqrt(np.trace(blocks, axis1=1, axis2=2).mean())),
-        mode_nees=nees,
+        mode_bound_m=float(np.sqrt(np.trace(mode.position_covariance_m2, axis1=1, axis2=2).mean())),
+        mode_nees=float(squares.mean()) / 2.0,
+        mode_inside=float((squares < INSIDE_95).mean()),
+        wrong=result.verdict is Verdict.IDENTIFIED and bool(_squares(result, case.position_m).max() > 25.0),
     )
+
+
+def _squares(mode: Estimate, truth: Array) -> Array:
+    """(K,) squared Mahalanobis distances of the sources from the truth."""
+    order = _matching(mode.sources.position_m, truth)
+    off = mode.sources.position_m[order] - truth
+    return np.array([o @ np.linalg.pinv(c) @ o for o, c in zip(off, mode.position_covariance_m2[order], strict=True)])
 
 
 def _in_basin(case: Case, mode: Estimate, best: fitting.Fit) -> bool:

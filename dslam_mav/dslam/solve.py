@@ -27,6 +27,7 @@ HEAT = 6  # iterations all starts are given
 FAR_BEHIND = 40.0  # in χ², after them
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
 EXTENT_GAIN = 12.0  # Δχ² from which a free shape is believed
+DITHER = 0.02  # of the readings' range: theory, section 10, the noise to search with where the model does not fit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +61,22 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
             warm = _solved(task, warm_starts(coarse, task.k_sources, known, rng), coarse, rng)
             if warm is not None and warm.fits[0].converged and not warm.level.misfit:
                 return warm
-    return _solved(task, _search(task.problem, coarse, task.k_sources, rng), coarse, rng)
+    begun = _search(task.problem, coarse, task.k_sources, rng)
+    solved = _solved(task, begun, coarse, rng)
+    if solved is None or not solved.level.misfit or task.problem.basis is not None or task.problem.dimensions == 3:
+        return solved
+    more = _search(task.problem, _dithered(coarse, rng), task.k_sources, rng)
+    return _solved(task, replace(begun, states=begun.states + more.states), coarse, rng)
+
+
+def _dithered(prob: Problem, rng: np.random.Generator) -> Problem:
+    """With noise added to the readings.
+
+    Where misfit stands far out of the noise, the search takes it for signal: its valleys are narrow, wrong ones deep,
+    and what the final fits would put first is thrown away early. White noise as large as the misfit levels them.
+    """
+    noise = DITHER * float(np.ptp(prob.y)) * rng.standard_normal(prob.y.size)
+    return replace(prob, y=prob.y + noise)
 
 
 def _search(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
@@ -81,8 +97,7 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
         return None
     level = _level(prob, begun, fits[0])
     if task.extent_free and level.misfit:
-        shaped = replace(prob, extent=None)
-        better = _settled([fit(shaped, f.state) for f in fits])
+        shaped, better = _fits(replace(task, problem=replace(task.problem, extent=None)), begun, rng)
         if better and fits[0].cost - better[0].cost > EXTENT_GAIN * level.inside:
             prob, fits = shaped, better
             level = _level(prob, begun, fits[0])
@@ -133,8 +148,7 @@ def _with_own_spreads(prob: Problem, state: State, log_known: Array) -> State:
 
 
 def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem, list[Fit]]:
-    """The problem with all that is known, and its fits from every start, best first.
-    """
+    """The problem with all that is known, and its fits from every start, best first."""
     prob, priors, unit = task.problem, task.priors, task.unit
     loose = bounded(prob, begun.sigma, priors, unit)
     fits = _raced(loose, _as_asked(prob, begun.states))

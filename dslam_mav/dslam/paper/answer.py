@@ -36,8 +36,8 @@ class Levels(NamedTuple):
 
     @property
     def rounding(self) -> float:
-        """What rounding of the readings may leave of them."""
-        return float(min(max(ROUNDING, 1e-15 * 10.0 ** min(self.digits_lost, 300.0)), LARGEST_ROUNDING))
+        """What rounding may leave of the readings: the legs lose digits, and the geometry after them two or three more."""
+        return float(min(max(ROUNDING, 1e-13 * 10.0 ** min(self.digits_lost, 300.0)), LARGEST_ROUNDING))
 
     @property
     def words(self) -> str:

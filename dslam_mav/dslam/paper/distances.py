@@ -23,7 +23,7 @@ RANK = 1e-8  # singular values below this share of the largest are zero
 SLACK = 1e-7  # by how much p + a_j may fall below zero by rounding, in C
 SIGN_DOUBT = 1e-5  # of (23)'s two sides, in C: nearer to zero both signs are tried, and the readings tell
 SIGN_SDS = 10.0  # the same, in standard deviations of the centres, times how far these lie
-MOST_CHAINS = 16
+MOST_CHAINS = 4
 
 
 def by_distances(p: Projections) -> list[Layout] | Failure:

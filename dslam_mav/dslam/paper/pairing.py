@@ -24,7 +24,7 @@ Index = NDArray[np.intp]
 FLOOR = 1e-9  # sd of (11) that rounding leaves, in squared length units of the problem (√C ≈ 1)
 WINDOW = 9.0  # χ² by which a pairing may be worse than the best and still be kept
 MOST_PER_CORNER = 6
-MOST_CHAINS = 24
+MOST_CHAINS = 12
 AMPLITUDE_SD = 1.0  # of ln a about a common value, as long as no source has its own
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from paper_scenes import pairwise_distances
 
 from dslam_mav import Flight, Medium, Verdict
 from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.records import ParametricPath
-from paper_scenes import pairwise_distances
 
 T = np.linspace(0.0, 1.0, 400)
 BASIS = np.column_stack((np.sin(2 * np.pi * T), np.cos(4 * np.pi * T) - 1.0, T))

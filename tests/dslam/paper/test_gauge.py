@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from paper_scenes import fly
 
 from dslam_mav import Medium
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.paper import gauge
 from dslam_mav.dslam.paper.method import estimate_by_paper
 from missions.patterns import from_turns
-from paper_scenes import fly
 
 PATH = from_turns(np.full(4, 5.0), np.deg2rad([136.0, 151.0, 154.0]))
 SOURCES, AMPLITUDE = np.array([[2.81, 1.24], [3.92, -0.45], [0.93, 2.7]]), np.array([100.0, 70.0, 150.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from paper_scenes import best_error, fly, projections, seen_error
 
 from dslam_mav import Medium, Verdict
 from dslam_mav.dslam.paper import frozen, refine
@@ -12,7 +13,6 @@ from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.dslam.paper.options import PaperOptions
 from dslam_mav.dslam.paper.scenery import scenery
 from missions.patterns import from_turns
-from paper_scenes import best_error, fly, projections, seen_error
 
 PATH = from_turns(np.full(4, 4.5), np.deg2rad([143.0, 106.0, 147.0]))
 SOURCES, AMPLITUDE = np.array([[2.22, 1.86], [0.56, 1.43]]), np.array([153.0, 91.0])

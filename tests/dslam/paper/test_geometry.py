@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from paper_scenes import pairwise_distances, projections
 
 from dslam_mav.dslam.paper import closed, distances, factorise, pairing
 from dslam_mav.dslam.paper.geometry import layouts
 from dslam_mav.dslam.paper.layout import Failure, vertices
 from missions.patterns import from_turns, star
-from paper_scenes import pairwise_distances, projections
 
 AMPLITUDE = np.array([100.0, 70.0, 150.0, 90.0])
 SOURCES = np.array([[1.0, 0.4], [2.1, 1.6], [0.4, 2.0], [2.6, 0.2]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from paper_scenes import best_error, clear_scene, fly, pairwise_distances, seen_error
 
 from dslam_mav import Flight, Leg, Medium, Verdict
 from dslam_mav.dslam.paper.method import estimate_by_paper
@@ -11,7 +12,6 @@ from dslam_mav.dslam.paper.options import PaperOptions
 from dslam_mav.dslam.scoring import score
 from dslam_mav.records import Truth
 from missions.patterns import from_turns, star
-from paper_scenes import best_error, clear_scene, fly, pairwise_distances, seen_error
 
 STATIC = Medium(spread_m=1.0, static=True)
 PATH = from_turns(np.full(4, 5.0), np.deg2rad([136.0, 151.0, 154.0]))
