@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 Medium = tuple[float, float]  # ln C and ln 4μ at the first reading
 
 REACHES = (REACH_SPREADS, 3.5)  # of the rounds of a pair
-MAX_ROUNDS = 24
-QUIET_ROUNDS = 3  # in a row that bring no news
+MAX_ROUNDS = 36
+QUIET_ROUNDS = (3, 3, 3, 4, 6)  # in a row that bring no news, for K = 1 … 5 and more
 HITS = 3  # rounds that must have led to the best answer
 REFINED = 4  # modes of each round fitted with C free
 REFINED_WINDOW = 12.0  # of χ² at the round's own C
@@ -80,7 +80,8 @@ class _Pool:
         free = max(self.prob.n_readings - layout(self.prob, len(self.fits[0].state.s)).size - comp.dof_out, 1)
         inside = (self.fits[0].cost + self.prob.outside - comp.energy_out) / free
         doubtful = inside > outside * (1.0 + DOUBT_SD * np.sqrt(2.0 / free + 2.0 / max(comp.dof_out, 1)))
-        return self.quiet >= QUIET_ROUNDS * (2 if doubtful else 1)
+        wanted = QUIET_ROUNDS[min(len(self.fits[0].state.s), len(QUIET_ROUNDS)) - 1]
+        return self.quiet >= wanted * (2 if doubtful else 1)
 
     def _known(self, state: State) -> Fit | None:
         """The answer that a state leads to, where it is known already."""

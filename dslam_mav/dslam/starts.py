@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 SPREAD_GRID = (0.9, 2.1, 5.0)  # times the scale of the readings: C tried when nothing is known of it
 GROWTHS = (0.05, 0.4, 1.5)  # flight time over age tried when the age is unknown
-MAX_STARTS = 24
+MAX_STARTS = 64
+START_WINDOW = 16.0  # of χ² on compressed legs: an answer further behind does not come within nine of the best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,8 +93,9 @@ def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     (at,) = medium_grid(prob, 1.0)
     comp = compressed(prob, at, None)
     modes = search(comp, k_sources, rng)
-    found = states(prob, comp, modes, at)[:MAX_STARTS]
-    return begin(comp, found, comp.sigma * float(np.sqrt(misfit(modes, comp, k_sources))), modes.rounds)
+    unit = misfit(modes, comp, k_sources)
+    near = np.flatnonzero(modes.cost < modes.cost.min(initial=np.inf) + START_WINDOW * unit)[:MAX_STARTS]
+    return begin(comp, states(prob, comp, modes.take(near), at), comp.sigma * float(np.sqrt(unit)), modes.rounds)
 
 
 def begin(comp: Compressed, found: Sequence[State], sigma: float, rounds: int) -> Starts:

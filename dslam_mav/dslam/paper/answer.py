@@ -36,7 +36,7 @@ class Levels(NamedTuple):
 
     @property
     def rounding(self) -> float:
-        """What rounding may leave of the readings: the legs lose digits, and the geometry after them two or three more."""
+        """What rounding may leave of the readings: the legs lose digits, the geometry two or three more."""
         return float(min(max(ROUNDING, 1e-13 * 10.0 ** min(self.digits_lost, 300.0)), LARGEST_ROUNDING))
 
     @property

@@ -28,14 +28,14 @@ RANK_SDS = 2.0
 
 
 class LegView(NamedTuple):
-    """One leg as the step sees it: distances s (N,), readings (N,), length, C, noise sd and largest reading."""
+    """One leg as the step sees it: distances s (N,), readings (N,), C, noise sd, largest reading, centres in reach."""
 
     s: Array
     reading: Array
-    length: float
     c: float
     noise: float
     largest: float
+    reach: samples.Span
 
     @property
     def noise_share(self) -> float:
@@ -54,8 +54,8 @@ class LegCentres(NamedTuple):
 
 def view(s: Array, reading: Array, length: float, c: float, options: PaperOptions) -> LegView:
     """A leg with its noise, measured outside what sums of Gaussians can carry."""
-    noise = samples.noise_outside(s, reading, c, samples.interval(s, length, c, options.fit_margin))
-    return LegView(s, reading, length, c, noise, float(np.abs(reading).max()))
+    reach = samples.span(s, c, samples.interval(s, length, c, options.fit_margin))
+    return LegView(s, reading, c, samples.noise_outside(reading, reach), float(np.abs(reading).max()), reach)
 
 
 def centres(leg: LegView, k: int, options: PaperOptions) -> LegCentres | str:
@@ -105,20 +105,18 @@ def exact_centres(leg: LegView, k: int, options: PaperOptions) -> Array:
 
 def robust_centres(leg: LegView, k: int, omega_0: float, options: PaperOptions) -> Array:
     """(K,) centres by Prony on the robust samples, denoised."""
-    ends = samples.interval(leg.s, leg.length, leg.c, options.fit_margin)
-    s_m = _robust(leg, k, omega_0, options)
+    s_m = _robust(leg, k, omega_0)
     clean = prony.cadzow(s_m.samples, k, options.denoise)
     width = len(clean) // 2 + 1 if options.solver == "pencil" else k + 1
     u = prony.nodes(prony.toeplitz_matrix(clean, width), k, options.solver)
     step = s_m.omega[1] - s_m.omega[0]  # u_k = e^{j step (Y_k − origin)}
-    return np.asarray(np.clip(s_m.origin + np.angle(u) / step, *ends))
+    return np.asarray(np.clip(s_m.origin + np.angle(u) / step, *leg.reach.ends))
 
 
-def _robust(leg: LegView, k: int, omega_0: float, options: PaperOptions) -> samples.Robust:
-    ends = samples.interval(leg.s, leg.length, leg.c, options.fit_margin)
-    count = samples.moments_for(k, omega_0, ends)
+def _robust(leg: LegView, k: int, omega_0: float) -> samples.Robust:
+    count = samples.moments_for(k, omega_0, leg.reach.ends)
     omega = omega_0 * (1.0 - 2.0 * np.arange(count) / (count - 1))  # below (17), with M − 1 for 2K − 1
-    return samples.robust(leg.s, leg.reading, leg.c, ends, omega, leg.noise_share)
+    return samples.robust(leg.s, leg.reading, leg.reach, omega, leg.noise_share)
 
 
 def _omega_0(leg: LegView, options: PaperOptions) -> float:
@@ -131,7 +129,7 @@ def _omega_0(leg: LegView, options: PaperOptions) -> float:
 
 def _finished(leg: LegView, how: str, y: Array, options: PaperOptions) -> LegCentres:
     c = np.full(len(y), leg.c)
-    y = np.clip(y, *samples.interval(leg.s, leg.length, leg.c, options.fit_margin))
+    y = np.clip(y, *leg.reach.ends)
     start = Gaussians(y, heights(leg.s, leg.reading, y, c), c)
     fit = assess(leg.s, leg.reading, start) if options.samples == "robust" else polish(leg.s, leg.reading, start)
     order = np.argsort(fit.gaussians.y, kind="stable")
@@ -150,7 +148,7 @@ def count_on(leg: LegView, most: int, options: PaperOptions) -> int:
     """
     if not leg.largest > 0.0:
         return 0
-    s_m = _robust(leg, most, _omega_0(leg, options), options)
+    s_m = _robust(leg, most, _omega_0(leg, options))
     matrix = prony.toeplitz_matrix(s_m.samples, len(s_m.samples) // 2 + 1)
     values = np.linalg.svd(matrix, compute_uv=False)
     rows, columns = matrix.shape

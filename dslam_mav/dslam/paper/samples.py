@@ -54,19 +54,28 @@ def interval(s: Array, length: float, c: float, margin: float) -> tuple[float, f
     return min(0.0, float(s.min())) - beyond, max(length, float(s.max())) + beyond
 
 
-def span(s: Array, c: float, ends: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
-    """Grid of centres (Q,) and the singular value decomposition of e^{−(y−s)²/C} (Q, N) over it."""
+class Span(NamedTuple):
+    """A grid of centres (Q,) between `ends`, and the singular value decomposition of e^{−(y−s)²/C} (Q, N) over it."""
+
+    ends: tuple[float, float]
+    grid: Array
+    left: Array
+    values: Array
+    right: Array
+
+
+def span(s: Array, c: float, ends: tuple[float, float]) -> Span:
+    """All that centres between `ends` can do to readings at distances s (N,)."""
     count = int(np.ceil(PER_SPREAD * (ends[1] - ends[0]) / np.sqrt(c))) + 1
     grid = np.linspace(*ends, count)
     left, values, right = np.linalg.svd(np.exp(-((grid[:, None] - s) ** 2) / c), full_matrices=False)
-    return grid, left, values, right
+    return Span(ends, grid, left, values, right)
 
 
-def noise_outside(s: Array, reading: Array, c: float, ends: tuple[float, float]) -> float:
-    """Noise sd of a leg: of what no sum of Gaussians with centres between `ends` can carry; NaN if nothing is left."""
-    _, _, values, right = span(s, c, ends)
-    basis = right[values > SPAN_TOLERANCE * values[0]]
-    free = s.size - len(basis)
+def noise_outside(reading: Array, reach: Span) -> float:
+    """Noise sd of a leg: of what no sum of Gaussians with centres in `reach` can carry; NaN if nothing is left."""
+    basis = reach.right[reach.values > SPAN_TOLERANCE * reach.values[0]]
+    free = reading.size - len(basis)
     if free < 1:
         return float("nan")
     off = reading - basis.T @ (basis @ reading)
@@ -79,13 +88,13 @@ def moments_for(k: int, omega_0: float, ends: tuple[float, float]) -> int:
     return max(4 * k + 1, unambiguous)
 
 
-def robust(s: Array, reading: Array, c: float, ends: tuple[float, float], omega: Array, noise: float) -> Robust:
+def robust(s: Array, reading: Array, reach: Span, omega: Array, noise: float) -> Robust:
     """Generalised samples by reproducing exponentials (17), with weights from least squares on the actual distances.
 
-    The weights c_{m,n} minimise the failure of (17) over the interval `ends` and, in proportion to `noise` (sd of a
+    The weights c_{m,n} minimise the failure of (17) over all of `reach` and, in proportion to `noise` (sd of a
     reading over the leg's largest), their own size. `omega` (M,) rad/m.
     """
-    grid, left, values, right = span(s, c, ends)
+    ends, grid, left, values, right = reach
     origin = 0.5 * (ends[0] + ends[1])
     wanted = np.exp(1j * np.outer(grid - origin, omega))  # (Q, M)
     ridge = max(noise, SPAN_TOLERANCE) * np.sqrt(len(grid))

@@ -51,7 +51,7 @@ def test_robust_weights_reproduce_exponentials_on_uneven_distances():
     rng = np.random.default_rng(2)
     s = np.sort(rng.uniform(0.0, LENGTH, 80))
     omega = np.linspace(-3.0, 3.0, 9)
-    found = samples.robust(s, leg(s).reading, 1.0, (-1.0, 5.0), omega, 1e-12)
+    found = samples.robust(s, leg(s).reading, samples.span(s, 1.0, (-1.0, 5.0)), omega, 1e-12)
     assert np.abs(found.samples - np.exp(1j * np.outer(omega, Y - found.origin)) @ A).max() < 1e-4
 
 
