@@ -25,6 +25,8 @@ lint: $(VENV)/installed-dev
 
 bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench
+	$(BIN)/python -m tests.bench.speed
+	$(BIN)/python -m tests.bench.recorded_fields
 	$(BIN)/python -m tests.bench.recorded
 
 # The generated schemas are kept in the repository; this makes them anew, with a compiler whose code every allowed

@@ -18,6 +18,7 @@ from dslam_mav.dslam import fit as fitting
 from dslam_mav.dslam import problem as posing
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.field import field, squared_spread_m2
+from dslam_mav.dslam.priors import PEAK_LOG_SD, PLAUSIBLE_PEAK
 from dslam_mav.dslam.state import State
 from dslam_mav.records import Estimate, Verdict
 from missions.patterns import star
@@ -127,12 +128,12 @@ def judge(case: Case, k_sources: int) -> Judged:
     begun = time.perf_counter()
     result = estimate(case.flight, case.medium, k_sources)
     seconds = time.perf_counter() - begun
-    best = truth_fit(case)
+    best, basin = truth_fit(case), truth_fit(case, plausible=True)
     cost = float(result.residual @ result.residual)
     listed = False
     modes = [result, *result.alternatives]
     for mode in modes:
-        listed |= _in_basin(case, mode, best)
+        listed |= _in_basin(mode, basin)
     errors = [_error(mode, case.position_m) for mode in modes]
     nearest = int(np.nanargmin(errors)) if np.isfinite(errors).any() else 0
     mode = modes[nearest]
@@ -160,32 +161,22 @@ def _squares(mode: Estimate, truth: Array) -> Array:
     return np.array([o @ np.linalg.pinv(c) @ o for o, c in zip(off, mode.position_covariance_m2[order], strict=True)])
 
 
-def _in_basin(case: Case, mode: Estimate, best: fitting.Fit) -> bool:
-    """Whether a mode leads to the truth's own fit, once the prior on monstrous sources is left out."""
+def _in_basin(mode: Estimate, best: fitting.Fit) -> bool:
+    """Whether a mode is the truth's own fit: nearer than a twentieth of a spread, or half what it is unsure of."""
     if not np.isfinite(mode.sources.position_m).all():
         return False
     order = _matching(mode.sources.position_m, best.state.s)
-    if np.abs(mode.sources.position_m[order] - best.state.s).max() < SAME_BASIN:
-        return True
-    sources = mode.sources
-    state = replace(
-        best.state,
-        theta=mode.path.heading_rad - mode.path.heading_rad[0],
-        s=sources.position_m,
-        log_amplitude=np.log(sources.amplitude),
-        log_spread2=np.log(sources.amplitude / (np.pi * sources.peak_reading)),
-        ambient=float(mode.medium.ambient or 0.0),
-    )
-    free = fitting.fit(posing.problem(case.flight, case.medium), state)
-    gap = abs(free.cost - best.cost) / max(best.cost / case.flight.n_readings, 1e-300)
-    order = _matching(free.state.s, best.state.s)
-    near = np.abs(free.state.s[order] - best.state.s).max() < SAME_BASIN
-    return bool(gap < 1e-2 and (near or not best.converged))
+    off = np.abs(mode.sources.position_m[order] - best.state.s)
+    unsure = np.sqrt(np.diagonal(mode.position_covariance_m2[order], axis1=1, axis2=2))
+    return bool((off < np.maximum(SAME_BASIN, 0.5 * unsure)).all())
 
 
-def truth_fit(case: Case) -> fitting.Fit:
-    """The joint fit started at the truth."""
+def truth_fit(case: Case, *, plausible: bool = False) -> fitting.Fit:
+    """The joint fit started at the truth; `plausible`: with the estimate's own prior on monstrous sources."""
     prob = posing.problem(case.flight, case.medium)
+    if plausible:
+        peak = PLAUSIBLE_PEAK * float(np.ptp(prob.y))
+        prob = replace(prob, known=posing.Known(peak=(peak, PEAK_LOG_SD / case.noise_sd)))
     log_spread2 = np.log(case.age_s / case.age_s.mean()) if prob.spreads == "each" else 0.0
     theta = case.heading_rad - case.heading_rad[0]
     start = State.flat(prob, theta, case.position_m, np.log(case.amplitude), log_spread2)

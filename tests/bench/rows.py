@@ -19,6 +19,7 @@ STAR, PENTAGRAM, NINE = star(7, 3, 3.2), star(5, 2, 4.5), star(9, 4, 3.2)
 FLIGHT_S = 22.4
 KNOWN = Medium(spread_m=1.0, static=True)
 FREE = Medium(static=True, ambient=None)
+OWN_AGES = Medium(diffusivity_m2_s=0.25e-9, static=True)
 KEPT = "star {7/3}, √C known"  # with 2 or 3 sources, its rows must keep to limits
 
 
@@ -61,10 +62,7 @@ ROWS = [
         for words, medium in _evolving(older)
         for k in (2, 3)
     ),
-    *(
-        Row("star {7/3}, one activation each, static", k, 30.0, STAR, Medium(diffusivity_m2_s=0.25e-9, static=True), None, 0.5)
-        for k in (2, 3)
-    ),
+    *(Row("star {7/3}, one activation each, static", k, 30.0, STAR, OWN_AGES, log_ages=0.5) for k in (2, 3)),
 ]  # fmt: skip
 
 
