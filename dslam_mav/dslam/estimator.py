@@ -18,7 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.answer import Answers, assemble, nothing
+from dslam_mav.dslam.arguments import check, check_count, hopeless, usable
 from dslam_mav.dslam.certify import too_few
+from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.dslam.paper.options import PaperOptions
 from dslam_mav.dslam.priors import Priors, priors_of
@@ -69,16 +71,16 @@ def estimate(
     `method` "paper" is the paper's algebra step by step, with its options `paper`; it knows no heading prior. Raises
     ValueError for impossible arguments.
     """
-    _check(flight, medium, method)
-    for name, value in (("n_sources", n_sources), ("max_sources", max_sources)):
-        if value is not None and not (isinstance(value, (int, np.integer)) and 1 <= value <= MAX_SOURCES):
-            raise ValueError(f"{name}: expected a whole number from 1 to {MAX_SOURCES}, got {value!r}")
+    check(flight, medium, method, start, seed)
+    check_count("max_sources", max_sources, MAX_SOURCES)
+    if n_sources is not None:
+        check_count("n_sources", n_sources, MAX_SOURCES)
     if method == "paper":
         if heading_prior is not None:
             raise ValueError('heading_prior: the paper\'s algebra has none; expected None with method="paper"')
         return _by_paper(flight, medium, n_sources, max_sources, paper, closed_sd_m is not None, known_points)
     priors = priors_of(flight, medium.dimensions, closed_sd_m, known_points, heading_prior)
-    question = _Question(flight, medium, priors, start, seed)
+    question = _Question(flight, medium, priors, usable(start), seed)
     # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
     with _threads().limit(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
         return _with_k(question, int(n_sources)) if n_sources is not None else _choose_k(question, max_sources)
@@ -104,22 +106,6 @@ def _threads() -> ThreadpoolController:
     return ThreadpoolController()  # type: ignore[no-untyped-call]
 
 
-def _check(flight: Flight, medium: Medium, method: str) -> None:
-    if method not in ("joint", "paper"):
-        raise ValueError(f'method: expected "joint" or "paper", got {method!r}')
-    curve = flight.parametric
-    if not flight.legs and curve is None:
-        raise ValueError("flight: expected at least one leg, or a parametric path")
-    times = [leg.time_s[0] for leg in flight.legs if leg.time_s.size] if curve is None else list(curve.time_s[:1])
-    tau = medium.activation_s
-    if times and tau is not None and not isinstance(tau, str):
-        late = float(np.max(tau))
-        if late >= times[0]:
-            raise ValueError(
-                f"medium.activation_s: expected a time before the first reading at {float(times[0])} s, got {late}"
-            )
-
-
 def _with_k(question: _Question, k_sources: int) -> Estimate:
     """The estimate for a given number of sources."""
     flight, medium = question.flight, question.medium
@@ -132,8 +118,8 @@ def _with_k(question: _Question, k_sources: int) -> Estimate:
     reason = too_few(flight, layout(raw, k_sources).size, k_sources)
     if reason is not None:
         return nothing(flight, medium, k_sources, Verdict.TOO_FEW_DATA, reason)
-    if float(np.ptp(raw.y)) <= 1e-12 * float(np.abs(raw.y).max()):
-        reason = f"All {raw.y.size} readings are {raw.y[0]:g}: no source is in reach, or the sensor is stuck."
+    reason = hopeless(raw)
+    if reason is not None:
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
     unit = units_of(raw)
     task = Task(normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start)
@@ -141,7 +127,7 @@ def _with_k(question: _Question, k_sources: int) -> Estimate:
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
     answers = Answers(solved.problem, solved.fits, solved.level, solved.freedom_inside, unit, question.priors)
-    return assemble(flight, medium, answers)
+    return doubted(assemble(flight, medium, answers), flight, question.priors)
 
 
 def _choose_k(question: _Question, max_sources: int) -> Estimate:

@@ -28,7 +28,7 @@ Medium = tuple[float, float]  # ln C and ln 4μ at the first reading
 
 REACHES = (REACH_SPREADS, 3.5)  # of the rounds of a pair
 MAX_ROUNDS = 36
-QUIET_ROUNDS = (3, 3, 3, 4, 6)  # in a row that bring no news, for K = 1 … 5 and more
+QUIET_ROUNDS = (4, 6, 6, 6, 8)  # in a row that bring no news, for K = 1 … 5 and more
 HITS = 3  # rounds that must have led to the best answer
 REFINED = 4  # modes of each round fitted with C free
 REFINED_WINDOW = 12.0  # of χ² at the round's own C
@@ -39,7 +39,7 @@ DOUBT_SD = 1.0
 POOL_WINDOW = 25.0  # answers whose χ² is within this of the best are kept, …
 NEWS_WINDOW = 12.0  # … a new one within this is news
 SAME_SPREADS = 0.05  # answers nearer than this are one
-KNOWN_SPREADS = 0.15  # a mode nearer than this to an answer leads to it
+KNOWN_SPREADS = 0.04  # a mode nearer than this to an answer leads to it
 SAME_LOG = 0.2  # media nearer than this are one
 RIVALS = 3  # media that rounds go to in turn
 

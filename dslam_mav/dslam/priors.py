@@ -14,6 +14,7 @@ from dslam_mav.dslam.problem import Known, Problem
 from dslam_mav.dslam.state import State
 from dslam_mav.dslam.units import Units
 from dslam_mav.records import Flight
+from dslam_mav.records.arrays import finite, number, read_only
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,8 @@ LAG_LOG_SD = 2.0  # … give or take this standard deviation of its logarithm
 EXTENT_SD = 0.3
 CLOSED_SHARE = 1e-3  # of the path: how well a path said to be closed closes
 POINT_SHARE = 1e-4  # of the path: how well a known point is known
+LEAST_SD = 1e-6  # of the path, or a radian: as exact as a prior may be
+FINEST = 1e-5  # of a reading's noise: what is known better is as good as exact, and float64 could not weigh it
 RESTARTS = 40
 
 
@@ -71,28 +74,44 @@ def priors_of(
     heading_prior: tuple[ArrayLike, float] | None,
 ) -> Priors:
     """The arguments of `estimate` checked; ValueError names the one that cannot be."""
-    if closed_sd_m is not None and not (np.isfinite(closed_sd_m) and closed_sd_m > 0.0):
+    wanted = "a positive standard deviation"
+    if closed_sd_m is not None and number(closed_sd_m, "closed_sd_m", wanted) <= 0.0:
         raise ValueError(f"closed_sd_m: expected a positive standard deviation, got {closed_sd_m}")
     n_legs = len(flight.legs)
     if closed_sd_m is None and flight.closed:
         closed_sd_m = CLOSED_SHARE * float(flight.lengths_m.sum()) if n_legs else None
         if closed_sd_m is None:
             raise ValueError("closed_sd_m: expected the closure's standard deviation for a parametric path")
-    heading, heading_sd = None, 0.0
-    if heading_prior is not None:
-        heading, heading_sd = np.array(heading_prior[0], dtype=np.float64), float(heading_prior[1])
-        if heading.shape != (n_legs,) or not n_legs or not np.isfinite(heading).all():
-            raise ValueError(f"heading_prior: expected {n_legs} finite headings, got shape {heading.shape}")
-        if not (np.isfinite(heading_sd) and heading_sd > 0.0):
-            raise ValueError(f"heading_prior: expected a positive standard deviation, got {heading_sd}")
+    if closed_sd_m is not None and n_legs:
+        closed_sd_m = max(float(closed_sd_m), LEAST_SD * float(flight.lengths_m.sum()))
+    heading, heading_sd = _headings(n_legs, heading_prior)
     index, points = _points(flight, dimensions, known_points, heading is not None)
     sd = np.array([leg.length_sd_m for leg in flight.legs])
     return Priors(heading, heading_sd, closed_sd_m, index, points, sd if (sd > 0.0).any() else None)
 
 
+def _headings(n_legs: int, prior: tuple[ArrayLike, float] | None) -> tuple[Array | None, float]:
+    if prior is None:
+        return None, 0.0
+    if not isinstance(prior, (tuple, list)) or len(prior) != 2:
+        raise ValueError(f"heading_prior: expected headings and their standard deviation, got {prior!r}")
+    heading = read_only(prior[0], "heading_prior", (n_legs,))
+    finite(heading, "heading_prior")
+    if not n_legs:
+        raise ValueError("heading_prior: expected None for a parametric path, which has no headings")
+    sd = number(prior[1], "heading_prior", "a positive standard deviation")
+    if sd <= 0.0:
+        raise ValueError(f"heading_prior: expected a positive standard deviation, got {sd}")
+    return heading, max(sd, LEAST_SD)
+
+
 def _points(
     flight: Flight, dimensions: int, known: Mapping[int, ArrayLike] | None, oriented: bool
 ) -> tuple[NDArray[np.int64] | None, Array | None]:
+    if known is None:
+        return None, None
+    if not isinstance(known, Mapping):
+        raise ValueError(f"known_points: expected vertex indices with their places, got {known!r}")
     if not known:
         return None, None
     count = len(flight.legs) + 1 if flight.legs else flight.n_readings
@@ -100,11 +119,9 @@ def _points(
     if len(known) < least:
         raise ValueError(f"known_points: expected at least {least} points to anchor the path, got {len(known)}")
     for i, point in known.items():
-        where = np.asarray(point, dtype=np.float64)
-        if not (isinstance(i, (int, np.integer)) and 0 <= i < count):
+        if isinstance(i, bool) or not (isinstance(i, (int, np.integer)) and 0 <= i < count):
             raise ValueError(f"known_points: expected vertex indices from 0 to {count - 1}, got {i!r}")
-        if where.shape != (dimensions,) or not np.isfinite(where).all():
-            raise ValueError(f"known_points[{i}]: expected {dimensions} finite coordinates, got {point!r}")
+        finite(read_only(point, f"known_points[{i}]", (dimensions,)), f"known_points[{i}]")
     index = np.array(sorted(known), dtype=np.int64)
     return index, np.array([known[int(i)] for i in index], dtype=np.float64)
 
@@ -113,7 +130,10 @@ def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units) -> Prob
     """With the priors every flight has: on strengths, on the age of a field that hardly evolves, on leg lengths."""
     duration = float(prob.t[-1])
     unaged = prob.rate is None and prob.age is None
-    lengths = None if priors.length_sd_m is None else priors.length_sd_m / unit.length / noise_sd
+    lengths = None
+    if priors.length_sd_m is not None:
+        sd = priors.length_sd_m / unit.length / noise_sd
+        lengths = np.where(sd > 0.0, np.maximum(sd, FINEST), 0.0)
     known = Known(
         peak=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd),
         age=(OLDEST_FLIGHTS * duration, AGE_LOG_SD / noise_sd) if unaged else None,
@@ -129,11 +149,13 @@ def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units) -> 
     prob = bounded(prob, noise_sd, priors, unit)
     heading, points = None, None
     if priors.heading_rad is not None:
-        heading = (priors.heading_rad, priors.heading_sd_rad / noise_sd)
+        heading = (priors.heading_rad, max(priors.heading_sd_rad / noise_sd, FINEST))
     if priors.points_m is not None and priors.point_index is not None:
         size = float(prob.length.sum()) if prob.n_legs else float(np.ptp(priors.points_m, axis=0).max()) / unit.length
         points = (priors.point_index, priors.points_m / unit.length, POINT_SHARE * size / noise_sd)
-    closed = None if priors.closed_sd_m is None else priors.closed_sd_m / unit.length / noise_sd
+    closed = None
+    if priors.closed_sd_m is not None:
+        closed = max(priors.closed_sd_m / unit.length / noise_sd, FINEST)
     return replace(prob, known=replace(prob.known, heading=heading, points=points, closed_sd=closed))
 
 

@@ -65,8 +65,10 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     solved = _solved(task, begun, coarse, rng)
     if solved is None or not solved.level.misfit or task.problem.basis is not None or task.problem.dimensions == 3:
         return solved
-    more = _search(task.problem, _dithered(coarse, rng), task.k_sources, rng)
-    return _solved(task, replace(begun, states=begun.states + more.states), coarse, rng)
+    doubted = replace(_dithered(coarse, rng), extent=None if task.extent_free else coarse.extent)
+    more = _search(task.problem, doubted, task.k_sources, rng)
+    found = tuple(replace(state, extent=begun.states[0].extent) for state in more.states)
+    return _solved(task, replace(begun, states=begun.states + found), coarse, rng)
 
 
 def _dithered(prob: Problem, rng: np.random.Generator) -> Problem:
@@ -98,7 +100,8 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
     level = _level(prob, begun, fits[0])
     if task.extent_free and level.misfit:
         shaped, better = _fits(replace(task, problem=replace(task.problem, extent=None)), begun, rng)
-        if better and fits[0].cost - better[0].cost > EXTENT_GAIN * level.inside:
+        settled = bool(better) and (better[0].converged or not fits[0].converged)
+        if settled and fits[0].cost - better[0].cost > EXTENT_GAIN * level.inside:
             prob, fits = shaped, better
             level = _level(prob, begun, fits[0])
     return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from dslam_mav.records.arrays import Array, finite, read_only
+from dslam_mav.records.arrays import Array, finite, number, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,12 +31,14 @@ class Leg:
                 f"reading: expected as many as distance_m and time_s, got {self.reading.size}, "
                 f"{self.distance_m.size} and {self.time_s.size}"
             )
-        if not (np.isfinite(self.length_m) and self.length_m > 0.0):
+        length = number(self.length_m, "length_m", "a positive length")
+        if length <= 0.0:
             raise ValueError(f"length_m: expected a positive length, got {self.length_m}")
-        if not (np.isfinite(self.length_sd_m) and self.length_sd_m >= 0.0):
+        if number(self.length_sd_m, "length_sd_m", "0 or more") < 0.0:
             raise ValueError(f"length_sd_m: expected 0 or more, got {self.length_sd_m}")
-        if self.rise_m is not None and not (np.isfinite(self.rise_m) and abs(self.rise_m) <= self.length_m):
-            raise ValueError(f"rise_m: expected at most the leg's length {self.length_m}, got {self.rise_m}")
+        wanted = f"at most the leg's length {length}"
+        if self.rise_m is not None and abs(number(self.rise_m, "rise_m", wanted)) > length:
+            raise ValueError(f"rise_m: expected {wanted}, got {self.rise_m}")
         if (np.diff(self.time_s) <= 0.0).any():
             raise ValueError("time_s: expected strictly increasing times")
 
@@ -53,6 +56,8 @@ class ParametricPath:
             array = read_only(getattr(self, name), name, shape)
             finite(array, name)
             object.__setattr__(self, name, array)
+        if not self.basis.shape[1]:
+            raise ValueError("basis: expected at least one function, got none")
         if not (len(self.basis) == self.time_s.size == self.reading.size):
             raise ValueError(
                 f"reading: expected as many as time_s and rows of basis, got {self.reading.size}, "
@@ -74,7 +79,17 @@ class Flight:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "legs", tuple(self.legs))
+        if not isinstance(self.legs, Iterable):
+            raise ValueError(f"legs: expected a tuple of Legs, got {self.legs!r}")
+        legs = tuple(self.legs)
+        for j, leg in enumerate(legs):
+            if not isinstance(leg, Leg):
+                raise ValueError(f"legs[{j}]: expected a Leg, got {leg!r}")
+        object.__setattr__(self, "legs", legs)
+        if self.parametric is not None and not isinstance(self.parametric, ParametricPath):
+            raise ValueError(f"parametric: expected a ParametricPath, got {self.parametric!r}")
+        if not isinstance(self.closed, (bool, np.bool_)):
+            raise ValueError(f"closed: expected True or False, got {self.closed!r}")
         if self.parametric is not None and self.legs:
             raise ValueError("parametric: expected either legs or a parametric path, got both")
         last = -np.inf

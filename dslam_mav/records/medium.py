@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dslam_mav.records.arrays import finite, read_only
+from dslam_mav.records.arrays import finite, number, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,26 +32,37 @@ class Medium:
 
     def __post_init__(self) -> None:
         for name in ("diffusivity_m2_s", "spread_m"):
+            value, wanted = getattr(self, name), "a positive number or None"
+            if value is not None and number(value, name, wanted) <= 0.0:
+                raise ValueError(f"{name}: expected {wanted}, got {value}")
+        for name in ("ambient", "extent"):
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name}: expected a positive number or None, got {value}")
-        if self.ambient is not None and not np.isfinite(self.ambient):
-            raise ValueError(f"ambient: expected a finite number or None, got {self.ambient}")
-        if self.sensor_lag_s is not None and not (np.isfinite(self.sensor_lag_s) and self.sensor_lag_s >= 0.0):
-            raise ValueError(f"sensor_lag_s: expected 0 or more, or None, got {self.sensor_lag_s}")
-        if self.extent is not None and not np.isfinite(self.extent):
-            raise ValueError(f"extent: expected a finite number or None, got {self.extent}")
-        if self.dimensions not in (2, 3):
-            raise ValueError(f"dimensions: expected 2 or 3, got {self.dimensions}")
+            if value is not None:
+                number(value, name, "a finite number or None")
+        lag, wanted = self.sensor_lag_s, "0 or more, or None"
+        if lag is not None and number(lag, "sensor_lag_s", wanted) < 0.0:
+            raise ValueError(f"sensor_lag_s: expected {wanted}, got {lag}")
+        if not isinstance(self.static, (bool, np.bool_)):
+            raise ValueError(f"static: expected True or False, got {self.static!r}")
+        if not isinstance(self.dimensions, (int, np.integer)) or self.dimensions not in (2, 3):
+            raise ValueError(f"dimensions: expected 2 or 3, got {self.dimensions!r}")
         if self.spread_m is not None and not self.static:
             raise ValueError("spread_m: only a static field has one spread; set static=True or give μ and τ")
-        if isinstance(self.activation_s, str):
-            if self.activation_s != "shared":
-                raise ValueError(f'activation_s: expected a number, None or "shared", got {self.activation_s!r}')
-        elif isinstance(self.activation_s, (int, float, np.number)):
-            if not np.isfinite(self.activation_s):
-                raise ValueError(f"activation_s: expected a finite number or None, got {self.activation_s}")
-        elif self.activation_s is not None:
-            times = read_only(self.activation_s, "activation_s", (None,))
-            finite(times, "activation_s")
-            object.__setattr__(self, "activation_s", tuple(times.tolist()))
+        object.__setattr__(self, "activation_s", _activation(self.activation_s))
+
+
+def _activation(tau: object) -> float | Literal["shared"] | tuple[float, ...] | None:
+    wanted = 'a finite number, None or "shared"'
+    if tau is None:
+        return None
+    if isinstance(tau, str):
+        if tau != "shared":
+            raise ValueError(f"activation_s: expected {wanted}, got {tau!r}")
+        return "shared"
+    if np.ndim(tau) == 0:  # type: ignore[arg-type]
+        return number(tau, "activation_s", wanted)
+    times = read_only(tau, "activation_s", (None,))  # type: ignore[arg-type]
+    finite(times, "activation_s")
+    if not times.size:
+        raise ValueError("activation_s: expected one time or one a source, got none")
+    return tuple(times.tolist())

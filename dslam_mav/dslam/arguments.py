@@ -1,0 +1,108 @@
+"""What estimate() is given, checked: misuse is a ValueError that names the argument, hopeless data get words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.problem import Problem
+from dslam_mav.records import Estimate, Flight, Medium
+
+Array = NDArray[np.float64]
+
+HUGE = 1e100  # lengths, spreads and times beyond it, or below its inverse, have squares that float64 cannot hold
+NARROWEST = 1.0 / 500.0  # of the longest leg: a narrower spread is met by no path but by chance, …
+WIDEST = 1e3  # … and over one so many times as wide as the longest leg readings are all alike
+ALIKE = 1e-12  # of the largest reading: readings that differ less do not differ
+REMOTE = 1e-9  # of their distance from a known ambient level: that little difference sources do not explain
+
+
+def check(flight: Flight, medium: Medium, method: str, start: Estimate | None, seed: int) -> None:
+    """ValueError for what can be no flight, medium, method, start or seed, or not together."""
+    _kind("flight", flight, Flight)
+    _kind("medium", medium, Medium)
+    if method not in ("joint", "paper"):
+        raise ValueError(f'method: expected "joint" or "paper", got {method!r}')
+    if start is not None:
+        _kind("start", start, Estimate)
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
+        raise ValueError(f"seed: expected a whole number, 0 or more, got {seed!r}")
+    curve = flight.parametric
+    if not flight.legs and curve is None:
+        raise ValueError("flight: expected at least one leg, or a parametric path")
+    _check_times(flight, medium)
+    _check_sizes(flight, medium)
+
+
+def check_count(name: str, value: Any, most: int) -> None:
+    """ValueError unless so many sources can be looked for."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not (whole and 1 <= value <= most):
+        raise ValueError(f"{name}: expected a whole number from 1 to {most}, got {value!r}")
+
+
+def usable(start: Estimate | None) -> Estimate | None:
+    """The earlier estimate, where it is an answer to begin from; one without positions is none."""
+    if start is None:
+        return None
+    sources, path = start.sources, start.path.vertices_m
+    strong = np.concatenate([sources.amplitude, sources.peak_reading])
+    if not (np.isfinite(sources.position_m).all() and np.isfinite(strong).all() and (strong > 0.0).all()):
+        return None
+    step = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    return start if step.size and np.isfinite(path).all() and (step > 0.0).any() else None
+
+
+def hopeless(prob: Problem) -> str | None:
+    """Why readings tell nothing, whatever is done with them; None where they may."""
+    y = prob.y
+    if float(np.ptp(y)) <= ALIKE * float(np.abs(y).max()):
+        return f"All {y.size} readings are {y[0]:g}: no source is in reach, or the sensor is stuck."
+    if prob.ambient is not None and float(np.ptp(y)) <= REMOTE * float(np.abs(y - prob.ambient).max()):
+        return f"Readings are alike beside their distance from the ambient level of {prob.ambient:g}."
+    if prob.basis is not None and not np.ptp(prob.basis, axis=0).any():
+        return "The path's functions are constant: all readings were taken at one place."
+    return None if prob.spread2 is None or not prob.n_legs else _out_of_scale(prob, prob.spread2)
+
+
+def _out_of_scale(prob: Problem, first: Array) -> str | None:
+    spread2 = np.concatenate([first, first + (prob.rate or 0.0) * prob.t[-1]])
+    spread, longest = np.sqrt(spread2), float(prob.length.max())
+    if spread.max() < NARROWEST * longest:
+        return f"Sources only {spread.max():.3g} m wide are lost beside legs of {longest:.3g} m."
+    if spread.min() > WIDEST * longest:
+        return f"Sources {spread.min():.3g} m wide are flat along legs of {longest:.3g} m."
+    return None
+
+
+def _kind(name: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"{name}: expected {kind.__name__}, got {value!r}")
+
+
+def _check_times(flight: Flight, medium: Medium) -> None:
+    """Every source has been released before the first reading."""
+    curve, tau = flight.parametric, medium.activation_s
+    times = [leg.time_s[0] for leg in flight.legs if leg.time_s.size] if curve is None else list(curve.time_s[:1])
+    if times and tau is not None and not isinstance(tau, str) and float(np.max(tau)) >= times[0]:
+        first, late = float(times[0]), float(np.max(tau))
+        raise ValueError(f"medium.activation_s: expected a time before the first reading at {first} s, got {late}")
+
+
+def _check_sizes(flight: Flight, medium: Medium) -> None:
+    """Squares and differences of what is given can be held."""
+    sizes = {f"flight.legs[{j}].length_m": leg.length_m for j, leg in enumerate(flight.legs)}
+    for name in ("spread_m", "diffusivity_m2_s"):
+        if getattr(medium, name) is not None:
+            sizes[f"medium.{name}"] = getattr(medium, name)
+    if flight.parametric is not None and flight.parametric.basis.any():
+        sizes["flight.parametric.basis"] = float(np.abs(flight.parametric.basis).max())
+    for name, size in sizes.items():
+        if not 1.0 / HUGE <= size <= HUGE:
+            raise ValueError(f"{name}: expected a size from {1.0 / HUGE:g} to {HUGE:g}, got {size:g}")
+    parts = [leg.reading for leg in flight.legs] if flight.parametric is None else [flight.parametric.reading]
+    ends = [float(end) for part in parts if part.size for end in (part.min(), part.max())]
+    if ends and not np.isfinite(max(ends) - min(ends)):
+        raise ValueError(f"flight: expected readings whose range float64 holds, got {min(ends):g} to {max(ends):g}")
