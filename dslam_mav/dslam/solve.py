@@ -132,6 +132,8 @@ def _alike(prob: Problem) -> Problem:
 def _as_asked(prob: Problem, found: Sequence[State]) -> list[State]:
     """The states with every unknown of the problem; each source's own C where all are known."""
     asked = list(found)
+    if prob.extent is not None:
+        asked = [replace(state, extent=prob.extent) for state in asked]
     if prob.lag is None:
         asked = [replace(state, log_lag=float(np.log(USUAL_LAG * prob.t[-1]))) for state in asked]
     own = prob.spread2 if prob.spread2 is not None else prob.age
