@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dslam_mav.dslam.estimator import estimate
+    from dslam_mav.dslam.paper.options import PaperOptions
     from dslam_mav.dslam.predict import bound
     from dslam_mav.flight_log import read_flight, read_log
     from dslam_mav.records import Estimate, Flight, Leg, Medium, ParametricPath, Path, Sources, Truth, Verdict
@@ -22,6 +23,7 @@ __all__ = [
     "Flight",
     "Leg",
     "Medium",
+    "PaperOptions",
     "ParametricPath",
     "Path",
     "Sources",
@@ -34,6 +36,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "PaperOptions": "dslam_mav.dslam.paper.options",
     "bound": "dslam_mav.dslam.predict",
     "estimate": "dslam_mav.dslam.estimator",
     "read_flight": "dslam_mav.flight_log",

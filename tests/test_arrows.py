@@ -41,7 +41,7 @@ HOUSE = {
     "assumed": (f"{LEGS} assumptions dslam", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
     "flight_log": (f"{LEGS} log mav replay", ""),
-    "dslam_mav": (f"{LEGS} dslam flight_log replay", ""),
+    "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
     "missions": (f"{BASE} files", "numpy"),
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
     "sim_bridge.fields": (f"{BASE} dslam log mav", "numpy scipy msgspec"),

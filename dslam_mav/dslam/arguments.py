@@ -32,6 +32,8 @@ def check(flight: Flight, medium: Medium, method: str, start: Estimate | None, s
     curve = flight.parametric
     if not flight.legs and curve is None:
         raise ValueError("flight: expected at least one leg, or a parametric path")
+    if medium.dimensions == 2 and any(leg.rise_m for leg in flight.legs):
+        raise ValueError("medium.dimensions: expected 3 for legs that climb (rise_m), got 2")
     _check_times(flight, medium)
     _check_sizes(flight, medium)
 

@@ -75,6 +75,8 @@ def estimate(
     check_count("max_sources", max_sources, MAX_SOURCES)
     if n_sources is not None:
         check_count("n_sources", n_sources, MAX_SOURCES)
+    if paper is not None and not isinstance(paper, PaperOptions):
+        raise ValueError(f"paper: expected PaperOptions or None, got {type(paper).__name__}")
     if method == "paper":
         if heading_prior is not None:
             raise ValueError('heading_prior: the paper\'s algebra has none; expected None with method="paper"')
