@@ -205,13 +205,6 @@ class LegPlan:
         step = np.diff(self.vertices_m, axis=0)
         return np.asarray(np.arctan2(step[:, 1], step[:, 0]), dtype=np.float64)
 
-    @property
-    def first_turn(self) -> int:
-        """Sense of the first turn with |sin| > 1e-3: 1 left (counter-clockwise), -1 right, 0 none."""
-        sine = np.sin(np.diff(self.headings_rad))
-        turns = sine[np.abs(sine) > 1e-3]
-        return int(np.sign(turns[0])) if turns.size else 0
-
 
 def leg_plan(mission: Mission) -> LegPlan:
     """The legs of any mission in global frames; `leg_vertices` says what counts as a vertex."""

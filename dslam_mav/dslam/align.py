@@ -20,15 +20,10 @@ MIN_TURN_SINE = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """x ↦ rotation · (x − origin_m); `mirrored` says whether the rotation is improper."""
+    """x ↦ rotation · (x − origin_m); an improper rotation exchanges left and right."""
 
     rotation: Array
     origin_m: Array
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether left and right are exchanged."""
-        return bool(np.linalg.det(self.rotation) < 0.0)
 
     def apply(self, points_m: ArrayLike) -> Array:
         """Points (M, 2) of the old frame in the new one."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.compress import Compressed
 from dslam_mav.dslam.kernels.beam_fit import beam_fits
-from dslam_mav.dslam.kernels.corner import corner_fits, distinct_corners, open_corner
+from dslam_mav.dslam.kernels.corner import corner_fits, open_corner
+from dslam_mav.dslam.kernels.distinct import distinct
 from dslam_mav.dslam.kernels.fit import FitOptions, fit_batch
 from dslam_mav.dslam.kernels.scan import scan_heading
 from dslam_mav.dslam.modes import Modes, best, canonical, misfit
@@ -113,9 +114,12 @@ def _open(comp: Compressed, k_sources: int, corner: int, rng: np.random.Generato
     legs = comp.legs
     uvw = _corner_starts(comp, corner, k_sources, rng)
     costs = corner_fits(comp.products, corner, uvw, CORNER_PRIOR_SD, CORNER_ITERATIONS)
+    order = np.argsort(costs, kind="stable")
+    by_u = np.take_along_axis(uvw, np.argsort(uvw[:, :, 0], axis=1)[:, :, None], axis=1)
+    marks = by_u.reshape(len(uvw), 3 * k_sources)
     angles = (np.arange(TURN_ANGLES) + rng.random()) * (np.pi / TURN_ANGLES)
     turn, s, alpha = open_corner(
-        uvw[distinct_corners(uvw, np.argsort(costs, kind="stable"), CORNER_KEEP, CORNER_APART)],
+        uvw[order[distinct(marks[order], CORNER_KEEP, CORNER_APART)]],
         legs.c[corner],
         legs.c[corner + 1],
         legs.length[corner],

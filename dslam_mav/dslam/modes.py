@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.align import MIN_TURN_SINE
 from dslam_mav.dslam.compress import Compressed
-from dslam_mav.dslam.kernels.scan import distinct
+from dslam_mav.dslam.kernels.distinct import distinct
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -48,7 +48,16 @@ def best(modes: Modes, lo: int, hi: int, keep: int) -> Modes:
     """The best `keep` that differ on legs lo … hi."""
     order = np.argsort(modes.cost, kind="stable")
     ordered = modes.take(order[np.isfinite(modes.cost[order])])
-    return ordered.take(distinct(ordered.theta, ordered.s, ordered.alpha, lo, hi, keep, SAME_MODE))
+    return ordered.take(distinct(_marks(ordered, lo, hi), keep, SAME_MODE))
+
+
+def _marks(modes: Modes, lo: int, hi: int) -> Array:
+    """(M, …) sources in order of x, and the cosines and sines of headings lo … hi."""
+    m, k_sources = modes.alpha.shape
+    by_x = np.argsort(modes.s[:, :, 0], axis=1)
+    s = np.take_along_axis(modes.s, by_x[:, :, None], axis=1)
+    theta = modes.theta[:, lo : hi + 1]
+    return np.concatenate([s.reshape(m, 2 * k_sources), np.cos(theta), np.sin(theta)], axis=1)
 
 
 def merge(modes: Modes, more: Modes, window: float) -> Modes:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.kernels.directions import differ
+from dslam_mav.dslam.kernels.distinct import distinct
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -52,7 +52,7 @@ def best(pool: Candidates, marks: Callable[[Candidates], Array], keep: int) -> C
     """The best `keep` whose `marks` (M, …) differ: what no change of gauge changes."""
     order = np.argsort(pool.cost, kind="stable")
     pool = pool.take(order[np.isfinite(pool.cost[order])])
-    return pool.take(differ(marks(pool).reshape(len(pool), -1), keep, SAME)) if len(pool) else pool
+    return pool.take(distinct(marks(pool).reshape(len(pool), -1), keep, SAME)) if len(pool) else pool
 
 
 def searched(

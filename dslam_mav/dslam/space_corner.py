@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.compress import Compressed
-from dslam_mav.dslam.kernels.directions import differ
+from dslam_mav.dslam.kernels.distinct import distinct
 from dslam_mav.dslam.kernels.space import SpaceFit, fit_in_space
 from dslam_mav.dslam.rounds import Candidates
 
@@ -87,7 +87,7 @@ def _corner(legs: Legs, k_sources: int, corner: int, rng: np.random.Generator) -
     order = np.argsort(cost, kind="stable")
     rank = np.argsort(u, axis=1)
     flat = np.take_along_axis(uwv, rank[:, :, None], axis=1).reshape(len(uwv), -1)
-    kept = order[differ(flat[order], CORNER_KEEP, SAME)]
+    kept = order[distinct(flat[order], CORNER_KEEP, SAME)]
     return uwv[kept], cost[kept]
 
 

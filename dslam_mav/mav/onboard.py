@@ -13,13 +13,14 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 from dslam_mav.errors import DslamError, LinkError, LogError, MissionError
 from dslam_mav.legs import FlownLeg, LegCollector, flight_of
 from dslam_mav.mav import results
 from dslam_mav.mav.decode import decode
-from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame, messages
+from dslam_mav.mav.frames import Frame
+from dslam_mav.mav.ports import FlightRecorder, OnboardLink
+from dslam_mav.mav.streams import stream_requests
 from dslam_mav.mav.watch import FlightWatch
 from dslam_mav.observations import Observation, Progress, Reading
 from dslam_mav.records import Estimate, Flight
@@ -32,25 +33,6 @@ MIN_LEGS = 3
 """With fewer legs an estimate under way has nothing to say; the last one says so itself."""
 
 _ASK_AFTER_S = 2.0  # an autopilot that streams unasked is left alone
-_STREAM_US = {"LOCAL_POSITION_NED": 50_000, "VFR_HUD": 100_000, "MISSION_CURRENT": 200_000}
-
-
-class OnboardLink(Protocol):
-    """What the loop needs of `mav.link.Link`."""
-
-    def send(self, message: Any) -> None: ...  # noqa: D102
-    def send_heartbeat(self) -> None: ...  # noqa: D102
-    def receive(self, timeout_s: float) -> Frame | None: ...  # noqa: D102
-
-
-class FlightRecorder(Protocol):
-    """What the loop needs of `log.recorder.Recorder`."""
-
-    def frame(self, received_ns: int, raw: bytes) -> None: ...  # noqa: D102
-    def reading(self, received_ns: int, reading: Reading) -> None: ...  # noqa: D102
-    def progress(self, received_ns: int, progress: Progress) -> None: ...  # noqa: D102
-    def estimate(self, received_ns: int, estimate: Estimate, legs_flown: int, final: bool) -> None: ...  # noqa: D102
-    def text(self, received_ns: int, level: int, text: str) -> None: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,7 +141,8 @@ class Onboard:
             self._link.send_heartbeat()
         if self.collector.silent and now_s - self._asked_s >= _ASK_AFTER_S:
             self._asked_s = now_s
-            self._ask_for_streams()
+            for request in stream_requests(self._system, yaw=self._yaw):
+                self._link.send(request)
 
     def _take(self, frame: Frame) -> None:
         self._recorder.frame(frame.received_ns, frame.raw)
@@ -247,21 +230,6 @@ class Onboard:
         except LinkError as error:
             self._say(logging.WARNING, f"results not sent: {error}")
         self._on_update(Update(legs_flown, estimate, final))
-
-    def _ask_for_streams(self) -> None:
-        """ArduPilot sends nothing but HEARTBEAT to a serial port until asked, message by message and per
-        link.
-        """
-        dialect = messages()
-        wanted = dict(_STREAM_US, **({"ATTITUDE": 50_000} if self._yaw else {}))
-        for name, interval_us in wanted.items():
-            message_id = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-            self._link.send(
-                dialect.MAVLink_command_long_message(
-                    self._system, COMPONENT_AUTOPILOT, dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
-                    0, message_id, interval_us, 0, 0, 0, 0, 0,
-                )
-            )  # fmt: skip
 
     def _say(self, level: int, text: str) -> None:
         self._recorder.text(time.time_ns(), level, text)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal
 
@@ -123,10 +122,6 @@ class Estimate:
         k, d = self.sources.position_m.shape
         variance = np.trace(self.position_covariance_m2, axis1=1, axis2=2) / d
         return np.asarray(np.sqrt(variance), dtype=np.float64).reshape(k)
-
-    def with_alternatives(self, alternatives: Sequence[Estimate]) -> Estimate:
-        """The same estimate with these alternatives."""
-        return replace(self, alternatives=tuple(alternatives))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

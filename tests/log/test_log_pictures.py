@@ -69,7 +69,7 @@ def test_messages_say_what_the_estimate_says(flight, estimate):
 
 
 def test_the_scene_shows_sources_with_their_uncertainty(estimate):
-    before = estimate().with_alternatives([estimate(5)])
+    before = estimate(alternatives=(estimate(5),))
     scene = dict(pictures(5, before))["/scene"]
     entities = {entity.id: entity for entity in scene.entities}
     sources = entities["sources"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dslam_mav.log import Recorder, codec, log_info, read_log
@@ -44,7 +44,7 @@ def plain(estimate: Estimate) -> Estimate:
 
 def test_every_record_comes_back(tmp_path, start_ns, estimate, nan_estimate):
     path = tmp_path / "flight.mcap"
-    first = estimate(1).with_alternatives([estimate(2), estimate(3, verdict=Verdict.AMBIGUOUS)])
+    first = estimate(1, alternatives=(estimate(2), estimate(3, verdict=Verdict.AMBIGUOUS)))
     truth = Truth(np.eye(2), np.array([2.0, 1.0]), np.array([[0, 0], [1, 0.1], [1, 1.0]]))
     values = [0.1, -0.0, float("nan"), float("inf"), 5e-324]
     with Recorder(path) as recorder:
@@ -80,7 +80,7 @@ def test_every_record_comes_back(tmp_path, start_ns, estimate, nan_estimate):
 
 
 def test_alternatives_of_alternatives_are_left_out(estimate):
-    nested = estimate(1).with_alternatives([estimate(2).with_alternatives([estimate(3)])])
+    nested = estimate(1, alternatives=(estimate(2, alternatives=(estimate(3),)),))
     decoded = codec.decode_estimate(codec.encode_update(nested, 1, True).estimate)
     assert len(decoded.alternatives) == 1
     assert decoded.alternatives[0].alternatives == ()
@@ -114,6 +114,7 @@ def test_an_estimate_without_sources_keeps_its_shapes(estimate):
     assert after.position_covariance_m2.shape == (0, 2, 2)
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(width=64, allow_nan=True), min_size=1, max_size=20), st.integers(0, 2**32 - 1))
 def test_readings_and_residuals_come_back_bit_for_bit(values, time_boot_ms):
     for value in values:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v10 import common as mavlink1
 
@@ -27,6 +27,7 @@ def test_a_packet_comes_back_as_sent() -> None:
     assert again.message.value == 1.5
 
 
+@settings(deadline=None)
 @given(st.lists(st.one_of(st.binary(max_size=60), st.just(packet())), max_size=12), st.data())
 def test_packets_are_found_in_any_noise_however_it_is_cut(parts: list[bytes], data: st.DataObject) -> None:
     good = parts.count(packet())
@@ -78,6 +79,7 @@ def test_nan_and_infinity_pass_the_wire(value: float) -> None:
     assert reading.value == value or (math.isnan(value) and math.isnan(reading.value))
 
 
+@settings(deadline=None)
 @given(
     st.floats(width=32, allow_nan=False),
     st.integers(0, 2**32 - 1),

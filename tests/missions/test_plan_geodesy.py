@@ -122,16 +122,6 @@ def test_ending_and_take_off_follow_the_profile():
     assert len(leg_vertices(rover)) == 4
 
 
-def test_first_turn_is_the_pilots_left_or_right():
-    left = pattern("square", 20.0)
-    assert leg_plan(plan_mission(left, ZURICH)).first_turn == 1
-    assert leg_plan(plan_mission(left * [1, -1], ZURICH)).first_turn == -1
-    straight = np.array([[0.0, 0.0], [20.0, 0.0], [50.0, 0.0]])
-    assert leg_plan(plan_mission(straight, ZURICH)).first_turn == 0
-    late = np.array([[0.0, 0.0], [20.0, 0.0], [50.0, 0.0], [50.0, -30.0]])
-    assert leg_plan(plan_mission(late, ZURICH)).first_turn == -1
-
-
 def test_a_mission_somebody_drew_without_a_home():
     """Read back from a vehicle: its absolute altitude makes item 0 home; a repeated place makes no leg."""
     a, b, c = (473977507, 85456075), (473987507, 85456075), (473987507, 85476075)

@@ -9,6 +9,8 @@ import numpy as np
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.field import field, peak_reading
 from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
+from dslam_mav.report.data import ReportData
+from dslam_mav.report.page import render
 
 SPREAD_M, LEG_M, AMBIENT = 10.0, 32.0, 20.0
 PLACES_M = np.array([[6.0, 7.0], [-9.0, -4.0], [3.0, -12.0]])
@@ -88,10 +90,8 @@ def with_alternative(estimate):
         path=Path(vertices, np.arctan2(steps[:, 1], steps[:, 0])),
         log_likelihood=estimate.log_likelihood - 1.7,
     )
-    ambiguous = replace(
-        estimate, verdict=Verdict.AMBIGUOUS, reason="One other solution is within 2 Δ log-likelihood of 3.4."
-    )
-    return ambiguous.with_alternatives([other])
+    reason = "One other solution is within 2 Δ log-likelihood of 3.4."
+    return replace(estimate, verdict=Verdict.AMBIGUOUS, reason=reason, alternatives=(other,))
 
 
 def without_positions(estimate, verdict, reason):
@@ -114,3 +114,16 @@ def without_positions(estimate, verdict, reason):
         residual=np.full(estimate.residual.size, np.nan),
         unseen_directions=("source 2 across the path",),
     )
+
+
+def page_of(case, **changes):
+    """The page of a (truth, flight, estimate), with some of what it is given changed."""
+    truth, flight, estimate = case
+    given = {
+        "flight": flight,
+        "estimate": estimate,
+        "truth": truth,
+        "title": "A flight",
+        "facts": {},
+    } | changes
+    return render(ReportData(**given))

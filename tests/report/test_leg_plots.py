@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from report_flights import estimate_near, star_flight, star_truth
 
@@ -56,6 +56,7 @@ def test_a_flight_from_corner_to_corner_has_no_word_of_overshoot():
     assert "overshoot" not in render(ReportData(flight, estimate, truth, "A flight"))
 
 
+@settings(deadline=None)
 @given(st.floats(1e-6, 1e5))
 def test_residuals_have_a_scale_whatever_their_size(size):
     truth = star_truth(2)

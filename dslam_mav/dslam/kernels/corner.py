@@ -10,7 +10,7 @@ from numba import njit
 from dslam_mav.dslam.kernels.algebra import accept, add, clipped, damped_step, triangle
 from dslam_mav.dslam.kernels.lanes import LANES, Lanes, exponential, load, splat, store, where_less
 from dslam_mav.dslam.kernels.products import Products, products_of, put_source
-from dslam_mav.dslam.kernels.tables import OPTIONS, Array, Indices
+from dslam_mav.dslam.kernels.tables import OPTIONS, Array
 
 STEP = 1.0  # largest move of U, V or W in one iteration
 
@@ -123,35 +123,6 @@ def corner_fits(prods: Products, j: int, uvw: Array, prior_sd: float, iterations
             for i in range(n_par):
                 uvw[first + w, i // 3, i % 3] = best[i, w]
     return costs
-
-
-@njit(**OPTIONS)
-def distinct_corners(uvw: Array, order: Indices, keep: int, apart: float) -> Indices:
-    """The first `keep` corner fits, in the given order, that differ by more than `apart`, sources sorted by U."""
-    batch, k_sources = uvw.shape[0], uvw.shape[1]
-    chosen = np.empty(min(keep, batch), dtype=np.int64)
-    ordered = np.empty_like(uvw)
-    count = 0
-    for b in order:
-        by_u = np.argsort(uvw[b, :, 0])
-        for k in range(k_sources):
-            for q in range(3):
-                ordered[b, k, q] = uvw[b, by_u[k], q]
-        same = False
-        for i in range(count):
-            far = 0.0
-            for k in range(k_sources):
-                for q in range(3):
-                    far = max(far, abs(ordered[b, k, q] - ordered[chosen[i], k, q]))
-            if far <= apart:
-                same = True
-                break
-        if not same:
-            chosen[count] = b
-            count += 1
-            if count == keep:
-                break
-    return chosen[:count]
 
 
 @njit(**OPTIONS)

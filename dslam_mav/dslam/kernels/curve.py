@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, solve
+from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, damped_step
 
 MOST_STEP = 1.0  # of a place in √C, or of a log amplitude
+LEAST_DAMPING = 1e-9
 LOG_SD = 4.0  # of the weak prior on log amplitude, in units of the readings' noise
 
 
@@ -92,11 +93,11 @@ def _normal_equations(
 
 @njit(**OPTIONS)
 def _moved(at: Array, step: Array, begin: int, to: Array) -> float:
-    """at − step, clipped, into `to` (both M × d); returns the largest move."""
+    """at + step, clipped, into `to` (both M × d); returns the largest move."""
     biggest = 0.0
     for m in range(at.shape[0]):
         for q in range(at.shape[1]):
-            move = min(max(-step[begin + m * at.shape[1] + q], -MOST_STEP), MOST_STEP)
+            move = min(max(step[begin + m * at.shape[1] + q], -MOST_STEP), MOST_STEP)
             biggest = max(biggest, abs(move))
             to[m, q] = at[m, q] + move
     return biggest
@@ -121,17 +122,13 @@ def fit_on_curve(curve: Curve, c: Array, s: Array, alpha: Array, level: Array, i
         cost = _normal_equations(curve, c[b], s[b], alpha[b, :, 0], level[b], rows, place, jtj, jtr)
         damping = 1e-2
         for _ in range(iterations):
-            chol[:, :] = jtj
-            for i in range(n_par):
-                chol[i, i] = jtj[i, i] * (1.0 + damping) + 1e-9
-                step[i] = jtr[i]
-            if not solve(chol, step, n_par):
+            if not damped_step(jtj, jtr, damping, LEAST_DAMPING, chol, step):
                 damping = damping * 10.0 + 1e-6
                 continue
             biggest = _moved(c[b], step, 0, c_try)
             biggest = max(biggest, _moved(s[b], step, to_s, s_try))
             biggest = max(biggest, _moved(alpha[b], step, to_alpha, alpha_try))
-            level_try = level[b] - (step[n_par - 1] if curve.ambient else 0.0)
+            level_try = level[b] + (step[n_par - 1] if curve.ambient else 0.0)
             cost_try = _normal_equations(curve, c_try, s_try, alpha_try[:, 0], level_try, rows, place, jtj_try, jtr_try)
             if cost_try < cost:
                 gain = cost - cost_try

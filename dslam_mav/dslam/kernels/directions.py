@@ -1,4 +1,4 @@
-"""One leg more in space: its direction scanned (theory, section 8, step 5); and which candidates differ."""
+"""One leg more in space: its direction scanned (theory, section 8, step 5)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, Indices, LegTables, sample
+from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, LegTables, sample
 
 FAINT = -30.0  # log amplitude below which a source is not seen at all
 
@@ -45,25 +45,3 @@ def scan_directions(legs: LegTables, j: int, start: Array, s: Array, alpha: Arra
                 total += off[r] * off[r]
             costs[b, a] = total
     return costs
-
-
-@njit(**OPTIONS)
-def differ(signs: Array, keep: int, tolerance: float) -> Indices:
-    """Indices of the first `keep` rows of `signs` (B, M), given best first, that differ by more than `tolerance`."""
-    chosen = np.empty(min(keep, signs.shape[0]), dtype=np.int64)
-    count = 0
-    for b in range(signs.shape[0]):
-        same = False
-        for i in range(count):
-            far = 0.0
-            for m in range(signs.shape[1]):
-                far = max(far, abs(signs[b, m] - signs[chosen[i], m]))
-            if far < tolerance:
-                same = True
-                break
-        if not same:
-            chosen[count] = b
-            count += 1
-            if count == keep:
-                break
-    return chosen[:count]

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, Flags, LegTables, sample, solve
+from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, Flags, LegTables, damped_step, sample
 
 STEP_HEADING_RAD = 0.5
 STEP_POSITION = 1.0
 STEP_LOG_AMPLITUDE = 1.0
+LEAST_DAMPING = 1e-12
 
 
 class FitOptions(NamedTuple):
@@ -70,7 +71,7 @@ def _columns(
 
 
 @njit(**OPTIONS)
-def _inner_products(col: Array, gram: Array) -> None:
+def inner_products(col: Array, gram: Array) -> None:
     """col colᵀ, its lower triangle mirrored."""
     size = col.shape[1]
     for p in range(col.shape[0]):
@@ -128,7 +129,7 @@ def _normal_equations(
     by = 0.0
     for j in range(how.lo, how.hi + 1):
         _columns(legs, j, bx, by, theta[j], s, alpha, col, phi)
-        _inner_products(col, gram)
+        inner_products(col, gram)
         cost += gram[n_own + 3, n_own + 3]
         n_active = j - how.lo
         if n_active > 0:
@@ -154,16 +155,19 @@ def _normal_equations(
 
 
 @njit(**OPTIONS)
-def _damped_step(jtj: Array, jtr: Array, damping: float, chol: Array, step: Array) -> bool:
-    """The step of (JᵀJ + λ diag) δ = −Jᵀr; False where the matrix is not positive."""
-    n_par = jtr.shape[0]
-    for i in range(n_par):
-        step[i] = -jtr[i]
-        for j in range(i + 1):
-            chol[i, j] = jtj[i, j]
-        chol[i, i] = jtj[i, i] * (1.0 + damping) + 1e-12
-    solved: bool = solve(chol, step, n_par)
-    return solved
+def move_sources(step: Array, s: Array, alpha: Array, to_s: Array, to_alpha: Array) -> float:
+    """Sources after their part of a step, (S, α) of each in turn, clipped; returns the largest move."""
+    d = s.shape[1]
+    biggest = 0.0
+    for k in range(alpha.shape[0]):
+        for q in range(d):
+            move = min(max(step[(d + 1) * k + q], -STEP_POSITION), STEP_POSITION)
+            biggest = max(biggest, abs(move))
+            to_s[k, q] = s[k, q] + move
+        move = min(max(step[(d + 1) * k + d], -STEP_LOG_AMPLITUDE), STEP_LOG_AMPLITUDE)
+        biggest = max(biggest, abs(move))
+        to_alpha[k] = alpha[k] + move
+    return biggest
 
 
 @njit(**OPTIONS)
@@ -178,15 +182,8 @@ def _take_step(
         move = min(max(step[i], -STEP_HEADING_RAD), STEP_HEADING_RAD)
         biggest = max(biggest, abs(move))
         to_theta[how.lo + 1 + i] = theta[how.lo + 1 + i] + move
-    for k in range(alpha.shape[0]):
-        for q in range(2):
-            move = min(max(step[n_head + 3 * k + q], -STEP_POSITION), STEP_POSITION)
-            biggest = max(biggest, abs(move))
-            to_s[k, q] = s[k, q] + move
-        move = min(max(step[n_head + 3 * k + 2], -STEP_LOG_AMPLITUDE), STEP_LOG_AMPLITUDE)
-        biggest = max(biggest, abs(move))
-        to_alpha[k] = alpha[k] + move
-    return biggest
+    of_sources: float = move_sources(step[n_head:], s, alpha, to_s, to_alpha)
+    return max(biggest, of_sources)
 
 
 @njit(**OPTIONS)
@@ -210,7 +207,7 @@ def fit_batch(legs: LegTables, how: FitOptions, theta: Array, s: Array, alpha: A
         cost = _normal_equations(legs, how, theta[b], s[b], alpha[b], work, jtj, jtr)
         damping = 1e-3
         for _ in range(how.iterations):
-            if not _damped_step(jtj, jtr, damping, chol, step):
+            if not damped_step(jtj, jtr, damping, LEAST_DAMPING, chol, step):
                 damping = damping * 10.0 + 1e-6
                 continue
             biggest = _take_step(step, how, theta[b], s[b], alpha[b], theta_try, s_try, alpha_try)

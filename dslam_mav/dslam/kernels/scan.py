@@ -1,4 +1,4 @@
-"""One leg more: its heading scanned; and which candidates differ (theory, section 8, step 5)."""
+"""One leg more: its heading scanned (theory, section 8, step 5)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numba import njit
 
 from dslam_mav.dslam.kernels.lanes import LANES, Lanes, exponential, load, splat, store
 from dslam_mav.dslam.kernels.products import Products, node, value
-from dslam_mav.dslam.kernels.tables import OPTIONS, Array, Indices
+from dslam_mav.dslam.kernels.tables import OPTIONS, Array
 
 
 @njit(**OPTIONS)
@@ -90,40 +90,3 @@ def scan_heading(
                 elif low < best_cost[b, 1]:
                     best[b, 1], best_cost[b, 1] = headings[a], low
     return best, best_cost
-
-
-@njit(**OPTIONS)
-def distinct(theta: Array, s: Array, alpha: Array, lo: int, hi: int, keep: int, tolerance: float) -> Indices:
-    """Indices of the first `keep` candidates (given best first) that differ by more than `tolerance`.
-
-    Sources are compared in order of x, headings by their cosine and sine.
-    """
-    batch, k_sources = alpha.shape
-    chosen = np.empty(min(keep, batch), dtype=np.int64)
-    count = 0
-    order = np.empty((batch, k_sources), dtype=np.int64)
-    cos, sin = np.cos(theta), np.sin(theta)
-    for b in range(batch):
-        order[b] = np.argsort(s[b, :, 0])
-        same = False
-        for i in range(count):
-            o = chosen[i]
-            far = 0.0
-            for k in range(k_sources):
-                p, q = order[b, k], order[o, k]
-                far = max(far, abs(s[b, p, 0] - s[o, q, 0]))
-                far = max(far, abs(s[b, p, 1] - s[o, q, 1]))
-            if far >= tolerance:
-                continue
-            for j in range(lo, hi + 1):
-                far = max(far, abs(cos[b, j] - cos[o, j]))
-                far = max(far, abs(sin[b, j] - sin[o, j]))
-            if far < tolerance:
-                same = True
-                break
-        if not same:
-            chosen[count] = b
-            count += 1
-            if count == keep:
-                break
-    return chosen[:count]

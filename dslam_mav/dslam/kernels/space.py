@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, LegTables, sample, solve
+from dslam_mav.dslam.kernels.fit import STEP_HEADING_RAD, inner_products, move_sources
+from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, LegTables, damped_step, sample
 
-STEP_TURN_RAD = 0.5
-STEP_POSITION = 1.0
-STEP_LOG_AMPLITUDE = 1.0
+LEAST_DAMPING = 1e-9
 
 
 class SpaceFit(NamedTuple):
@@ -94,14 +93,8 @@ def _accumulate(
 ) -> float:
     """Add one leg to the normal equations (lower triangle); `combo` (active, 5) makes turns from its columns."""
     n_active, n_head, n_own = shape
-    n_col, size = col.shape
-    for p in range(n_col):
-        for q in range(p + 1):
-            total = 0.0
-            for r in range(size):
-                total += col[p, r] * col[q, r]
-            gram[p, q] = total
-            gram[q, p] = total
+    n_col = col.shape[0]
+    inner_products(col, gram)
     for a in range(n_active):
         for q in range(n_col):
             total = 0.0
@@ -173,7 +166,7 @@ def _take_step(
     for j in range(how.lo + 1, how.hi + 1):
         _tangents(c[j], how.turns, tangents)
         for m in range(how.turns):
-            move = min(max(step[how.turns * (j - how.lo - 1) + m], -STEP_TURN_RAD), STEP_TURN_RAD)
+            move = min(max(step[how.turns * (j - how.lo - 1) + m], -STEP_HEADING_RAD), STEP_HEADING_RAD)
             biggest = max(biggest, abs(move))
             if how.turns == 1:
                 to_c[j, 0] = math.cos(move) * c[j, 0] - math.sin(move) * c[j, 1]
@@ -181,15 +174,8 @@ def _take_step(
             else:
                 to_c[j] += math.tan(move) * tangents[m]
         to_c[j] /= math.sqrt(to_c[j, 0] ** 2 + to_c[j, 1] ** 2 + to_c[j, 2] ** 2)
-    for k in range(alpha.shape[0]):
-        for q in range(3):
-            move = min(max(step[n_head + 4 * k + q], -STEP_POSITION), STEP_POSITION)
-            biggest = max(biggest, abs(move))
-            to_s[k, q] = s[k, q] + move
-        move = min(max(step[n_head + 4 * k + 3], -STEP_LOG_AMPLITUDE), STEP_LOG_AMPLITUDE)
-        biggest = max(biggest, abs(move))
-        to_alpha[k] = alpha[k] + move
-    return biggest
+    of_sources: float = move_sources(step[n_head:], s, alpha, to_s, to_alpha)
+    return max(biggest, of_sources)
 
 
 @njit(**OPTIONS)
@@ -214,11 +200,7 @@ def fit_in_space(legs: LegTables, how: SpaceFit, c: Array, s: Array, alpha: Arra
         cost = _normal_equations(legs, how, c[b], s[b], alpha[b], work, jtj, jtr)
         damping = 1e-3
         for _ in range(how.iterations):
-            chol[:, :] = jtj
-            for i in range(n_par):
-                chol[i, i] = jtj[i, i] * (1.0 + damping) + 1e-9
-                step[i] = -jtr[i]
-            if not solve(chol, step, n_par):
+            if not damped_step(jtj, jtr, damping, LEAST_DAMPING, chol, step):
                 damping = damping * 10.0 + 1e-6
                 continue
             biggest = _take_step(step, how, c[b], s[b], alpha[b], to, tangents)

@@ -67,7 +67,7 @@ def sample(table: Array, y0: float, h: float, y: float, phi: Array, dphi: Array)
 
 
 @njit(**OPTIONS)
-def solve(a: Array, b: Array, p: int) -> bool:
+def _solve(a: Array, b: Array, p: int) -> bool:
     """Solve a x = b in place for symmetric positive a[:p, :p] (Cholesky); False where it is not positive."""
     for i in range(p):
         for j in range(i + 1):
@@ -91,3 +91,16 @@ def solve(a: Array, b: Array, p: int) -> bool:
             total -= a[q, i] * b[q]
         b[i] = total / a[i, i]
     return True
+
+
+@njit(**OPTIONS)
+def damped_step(jtj: Array, jtr: Array, damping: float, least: float, chol: Array, step: Array) -> bool:
+    """The step of (JᵀJ + λ diag + least) δ = −Jᵀr, of lower triangles; False where the matrix is not positive."""
+    n_par = jtr.shape[0]
+    for i in range(n_par):
+        step[i] = -jtr[i]
+        for j in range(i + 1):
+            chol[i, j] = jtj[i, j]
+        chol[i, i] = jtj[i, i] * (1.0 + damping) + least
+    solved: bool = _solve(chol, step, n_par)
+    return solved

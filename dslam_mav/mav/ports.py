@@ -1,0 +1,27 @@
+"""What the loop on board needs of a link and of a recorder."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from dslam_mav.mav.frames import Frame
+from dslam_mav.observations import Progress, Reading
+from dslam_mav.records import Estimate
+
+
+class OnboardLink(Protocol):
+    """What the loop needs of `mav.link.Link`."""
+
+    def send(self, message: Any) -> None: ...  # noqa: D102
+    def send_heartbeat(self) -> None: ...  # noqa: D102
+    def receive(self, timeout_s: float) -> Frame | None: ...  # noqa: D102
+
+
+class FlightRecorder(Protocol):
+    """What the loop needs of `log.recorder.Recorder`."""
+
+    def frame(self, received_ns: int, raw: bytes) -> None: ...  # noqa: D102
+    def reading(self, received_ns: int, reading: Reading) -> None: ...  # noqa: D102
+    def progress(self, received_ns: int, progress: Progress) -> None: ...  # noqa: D102
+    def estimate(self, received_ns: int, estimate: Estimate, legs_flown: int, final: bool) -> None: ...  # noqa: D102
+    def text(self, received_ns: int, level: int, text: str) -> None: ...  # noqa: D102
