@@ -50,3 +50,21 @@ def add_paper(commands: Any, example_of: type[argparse.HelpFormatter]) -> None:
         one.add_argument("--seed", metavar="N", type=SEED, default=0, help="of the noise (default: 0)")
         one.add_argument("--workers", metavar="N", type=COUNT, help="processes (default: as many as cores)")
         one.add_argument("--out", metavar="DIR", default="logs/paper", help="for pictures (default: logs/paper)")
+    _add_scenes(names, example_of)
+
+
+def _add_scenes(names: Any, example_of: type[argparse.HelpFormatter]) -> None:
+    what = "choose scenes that fit Table II, whose coordinates the paper does not print"
+    one = names.add_parser(
+        "scenes",
+        help=what,
+        description=f"{what[0].upper()}{what[1:]}.",
+        epilog="example: dslam-mav paper scenes --scene table2_k2_static_30dB --draws 20 --out logs/scenes",
+        formatter_class=example_of,
+    )
+    one.set_defaults(run=("paper_choose", "run"))
+    one.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    one.add_argument("--scene", metavar="NAME", help="one scene file (default: all)")
+    one.add_argument("--draws", metavar="N", type=COUNT, default=20, help="scenes tried a row (default: 20)")
+    one.add_argument("--seed", metavar="N", type=SEED, default=0, help="of scenes (default: 0)")
+    one.add_argument("--out", metavar="DIR", default="logs/scenes", help="for scene files (default: logs/scenes)")

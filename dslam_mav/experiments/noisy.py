@@ -68,10 +68,11 @@ def _fig14(worlds: Worlds) -> list[Row]:
 
 LINE = (Shown("Y", "m", "rms", ("paper", "fitted", "joint")),)
 LINE_NOTES = (
-    "RMS error of Y_k1 over both sources. paper: the filter on the leg's robust samples; fitted: then fitted to the "
-    "leg's readings; joint: all legs of the flight, of which this line is the first. bound: of the line's N = 64 "
-    "readings alone, as in the paper; the picture has that of the whole flight too. The paper's have no numbers; "
-    "it says: close to the bound, difficult below 0.3 m.",
+    "RMS error of Y_k1 over both sources. 'its method': the filter on the leg's robust samples, which is not the "
+    "denoising of [51]; 'fitted': then fitted to the leg's readings, and this is what comes close to the bound, as the "
+    "paper's curve does; 'joint': all legs of the flight, of which this line is the first, so that it may lie below "
+    "the bound. 'bound': of the line's N = 64 readings alone, as in the paper; the picture has that of the whole "
+    "flight too. The paper prints no numbers; it says: close to the bound, difficult below 0.3 m.",
 )
 
 FIG10 = Experiment(

@@ -15,6 +15,7 @@ from dslam_mav.commands.paper_options import WHAT
 from dslam_mav.commands.paper_world import RECORDINGS, SCENES, find_world
 from dslam_mav.experiments.catalogue import EXPERIMENTS
 from dslam_mav.experiments.tables import TABLE_II, TABLE_III
+from sim_bridge.fields.scene import read_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "commands"))
 
@@ -100,6 +101,16 @@ def test_table2_keeps_what_it_claims(tmp_path):
             assert error["paper"] is None or printed / 10.0 < error["paper"] < 10.0 * printed, row
             if snr >= 20:
                 assert error["joint"] < printed / 2.0, row
+
+
+def test_scenes_are_chosen_again_alike(tmp_path):
+    asked = ("paper", "scenes", "--scene", "table2_k2_static_10dB", "--draws", 1, "--json", "--out")
+    one, two = (run(*asked, tmp_path / name).object for name in ("a", "b"))
+    (found,) = one.values()
+    assert found["off"] == next(iter(two.values()))["off"] < 10.0
+    first, second = ((tmp_path / name / "table2_k2_static_10dB.json").read_bytes() for name in ("a", "b"))
+    assert first == second
+    assert read_scene(Path(found["file"])).noise.snr_db == 10.0
 
 
 def test_without_matplotlib_one_line_says_what_is_missing(tmp_path, monkeypatch):

@@ -24,6 +24,8 @@ LARGEST_ROUNDING = 1e-3  # residual over the largest reading, never more is take
 UNEXPLAINED = 0.3  # share of the readings' RMS left over, from which nothing is said to be found
 
 
+NO_SDS = " The paper's method gives no standard deviations."
+HELD_STILL = " The field evolves; each leg is read as if it stood still at its middle (IV-A): an approximation."
 FAITHFUL_DIGITS = 6.0  # digits lost by the legs up to which rounding is no matter
 
 
@@ -87,16 +89,18 @@ def assemble(
     """The best candidate with the others that stand as alternatives, and the verdict in words."""
     best, *others = [_one(flight, medium, scene, c, known_points) for c in found]
     verdict, reason = _verdict(found, scene, levels)
+    if any(g.any() for g in scene.growth) and not found[0].layout.rounded:
+        reason += HELD_STILL
     if verdict is Verdict.NOT_CONVERGED:
         empty = nothing(flight, medium, len(best.sources), verdict, reason)
         return replace(empty, residual=best.residual, noise_sd=best.noise_sd, diagnostics=best.diagnostics)
     alternatives = tuple(replace(e, verdict=verdict) for e in others)
-    return replace(best, verdict=verdict, reason=reason, alternatives=alternatives)
+    return replace(best, verdict=verdict, reason=f"{reason}{NO_SDS}", alternatives=alternatives)
 
 
 def _verdict(found: list[Candidate], scene: Scenery, levels: Levels) -> tuple[Verdict, str]:
     rms = float(np.sqrt(found[0].cost / scene.n_readings))
-    how = found[0].layout.how
+    how, words = found[0].layout.how, "" if found[0].layout.rounded else levels.words
     if rms > max(UNEXPLAINED * levels.readings, MISFIT * levels.noise):
         share = rms / max(levels.readings, 1e-300)
         return (
@@ -108,8 +112,8 @@ def _verdict(found: list[Candidate], scene: Scenery, levels: Levels) -> tuple[Ve
         reason = f"The answer by {how} leaves {words}: the algebra loses it on the way, or the field is another."
         return Verdict.MODEL_MISFIT, reason
     if len(found) > 1:
-        return Verdict.AMBIGUOUS, f"{len(found)} answers by {how} fit the readings alike.{levels.words}"
-    return Verdict.IDENTIFIED, f"One answer, by {how}.{levels.words}"
+        return Verdict.AMBIGUOUS, f"{len(found)} answers by {how} fit the readings alike.{words}"
+    return Verdict.IDENTIFIED, f"One answer, by {how}.{words}"
 
 
 def _one(
@@ -145,7 +149,13 @@ def _one(
         ),
         residual=c.residual * scene.unit_reading,
         gauge="canonical" if anchor is None else "anchored",
-        diagnostics={"how": layout.how, "cost": c.cost * scene.unit_reading**2, "n_readings": n} | _mirror(anchor),
+        diagnostics={
+            "how": layout.how,
+            "cost": c.cost * scene.unit_reading**2,
+            "n_readings": n,
+            "rounded": layout.rounded,
+        }
+        | _mirror(anchor),
     )
 
 

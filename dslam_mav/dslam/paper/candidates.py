@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dslam_mav.dslam.paper.gauge import canonical
 from dslam_mav.dslam.paper.layout import Failure, Layout, Projections, vertices
 from dslam_mav.dslam.paper.options import PaperOptions
+from dslam_mav.dslam.paper.polish import polish
 from dslam_mav.dslam.paper.refine import refine
 from dslam_mav.dslam.paper.scenery import Scenery, residual
 
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 WINDOW = 9.0  # 2Δ log-likelihood
 ROUNDING = 1e-8  # sd of a reading, over the largest, below which differences between fits say nothing
 HIGHEST = 1e8  # reading at a source, over the largest that was read
+MOST_POLISHED = 6
 SAME = 1e-3  # layouts nearer than this everywhere are one, in √C
 
 
@@ -61,11 +63,28 @@ def with_refined(scene: Scenery, p: Projections, layout: Layout, options: PaperO
     return [refined if refined.cost < plain.cost else plain]
 
 
+def polished(scene: Scenery, found: list[Candidate]) -> list[Candidate]:
+    """Candidates, the nearest to the readings first, those polished that can be brought down to rounding.
+
+    A field of known spread, free of noise, two sources or more: one leaves a direction free that no reading tells.
+
+    PAPER DEVIATION: in an evolving field the paper stops at the approximation (IV-A); this takes the field as it is.
+    """
+    ranked = sorted((c for c in found if np.isfinite(c.cost)), key=lambda c: c.cost)
+    done = []
+    for c in ranked[:MOST_POLISHED]:
+        better = polish(scene, c.layout)
+        done.append(c if better is None else candidate(scene, better, c.c_first))
+    return done + ranked[MOST_POLISHED:]
+
+
 def standing(scene: Scenery, found: list[Candidate], n_parameters: int) -> list[Candidate]:
     """The best candidate and every different one within the window of it, best first."""
     finite = sorted((c for c in found if np.isfinite(c.cost) and _in_reach(c)), key=lambda c: c.cost)
     if not finite:
         return []
+    if any(c.layout.rounded for c in finite):  # the others leave more than rounding of readings that have no noise
+        finite = [c for c in finite if c.layout.rounded]
     variance = max(finite[0].cost / max(scene.n_readings - n_parameters, 1), ROUNDING**2)
     kept: list[Candidate] = []
     for c in finite:

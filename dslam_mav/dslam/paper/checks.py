@@ -1,4 +1,4 @@
-"""Misuse of the arguments (ValueError) and flights with too little in them (a sentence)."""
+"""Misuse of the arguments (ValueError, naming the command line's option too) and flights with too little in them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ def check(
     tau = known_activation(medium)
     first = next((float(leg.time_s[0]) for leg in flight.legs if leg.time_s.size), None)
     if tau is not None and first is not None and tau >= first:
-        raise ValueError(f"medium.activation_s: expected a time before the first reading at {first} s, got {tau}")
+        raise ValueError(
+            f"medium.activation_s (--activation): expected a time before the first reading at {first} s, got {tau}"
+        )
     for i, point in (known or {}).items():
         if not 0 <= i <= len(flight.legs):
             raise ValueError(f"known_points: expected vertices 0 to {len(flight.legs)}, got {i}")
@@ -48,11 +50,11 @@ def _check_medium(medium: Medium, n_sources: int | None) -> None:
     if n_sources is not None and n_sources < 1:
         raise ValueError(f"n_sources: expected 1 or more, or None, got {n_sources}")
     if medium.ambient is None:
-        raise ValueError("medium.ambient: method 'paper' needs it known, got None")
+        raise ValueError("medium.ambient (--ambient): method 'paper' needs it known, got None")
     if medium.sensor_lag_s != 0.0:
         raise ValueError(f"medium.sensor_lag_s: method 'paper' takes a sensor without lag, got {medium.sensor_lag_s}")
     if not medium.static and medium.diffusivity_m2_s is None:
-        raise ValueError("medium.diffusivity_m2_s: method 'paper' needs it in an evolving field, got None")
+        raise ValueError("medium.diffusivity_m2_s (--diffusivity): method 'paper' needs it in an evolving field")
     tau = medium.activation_s
     if isinstance(tau, tuple) and n_sources is not None and len(tau) != n_sources:
         raise ValueError(f"medium.activation_s: expected {n_sources} times, got {len(tau)}")

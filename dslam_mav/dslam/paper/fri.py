@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.paper import prony, samples
 from dslam_mav.dslam.paper.gaussians import Gaussians, LegFit, assess, heights, polish
+from dslam_mav.dslam.paper.logarithms import ROUNDING, fit_leg, logarithms
 from dslam_mav.dslam.paper.options import PaperOptions
 
 Array = NDArray[np.float64]
@@ -28,7 +29,10 @@ RANK_SDS = 2.0
 
 
 class LegView(NamedTuple):
-    """One leg as the step sees it: distances s (N,), readings (N,), C, noise sd, largest reading, centres in reach."""
+    """One leg as the step sees it: distances s (N,), readings (N,), C, noise sd, largest reading, centres in reach.
+
+    `offset`: the ambient level that was taken off, whose rounding the readings carry.
+    """
 
     s: Array
     reading: Array
@@ -36,6 +40,7 @@ class LegView(NamedTuple):
     noise: float
     largest: float
     reach: samples.Span
+    offset: float
 
     @property
     def noise_share(self) -> float:
@@ -52,10 +57,11 @@ class LegCentres(NamedTuple):
     variance: float
 
 
-def view(s: Array, reading: Array, length: float, c: float, options: PaperOptions) -> LegView:
+def view(s: Array, reading: Array, length: float, c: float, options: PaperOptions, offset: float = 0.0) -> LegView:
     """A leg with its noise, measured outside what sums of Gaussians can carry."""
     reach = samples.span(s, c, samples.interval(s, length, c, options.fit_margin))
-    return LegView(s, reading, c, samples.noise_outside(reading, reach), float(np.abs(reading).max()), reach)
+    noise = samples.noise_outside(reading, reach)
+    return LegView(s, reading, c, noise, float(np.abs(reading).max()), reach, offset)
 
 
 def centres(leg: LegView, k: int, options: PaperOptions) -> LegCentres | str:
@@ -69,6 +75,10 @@ def centres(leg: LegView, k: int, options: PaperOptions) -> LegCentres | str:
         return "no reading differs from the ambient level."
     even = samples.spacing(leg.s) is not None
     quiet = leg.noise_share < FREE_OF_NOISE
+    if quiet and options.polish and options.samples != "robust":
+        rounded = to_rounding(leg, k, _first(leg, k, options) if even else [])
+        if rounded is not None:
+            return rounded
     found: list[LegCentres] = []
     if even and (options.samples == "exact" or (options.samples == "auto" and quiet)):
         found.append(_finished(leg, "exact", exact_centres(leg, k, options), options))
@@ -83,6 +93,21 @@ def centres(leg: LegView, k: int, options: PaperOptions) -> LegCentres | str:
             break
     standing = [f for f in found if _stands(f)]
     return min(standing, key=lambda f: f.fit.cost) if standing else f"no {k} centres with positive heights fit it."
+
+
+def _first(leg: LegView, k: int, options: PaperOptions) -> list[Array]:
+    """Centres by the filter, and the same fitted to the readings as they are."""
+    y = exact_centres(leg, k, options)
+    return [y, _finished(leg, "exact", y, options).fit.gaussians.y]
+
+
+def to_rounding(leg: LegView, k: int, first: list[Array]) -> LegCentres | None:
+    """K centres and heights that leave nothing of a leg but rounding, if there are such. `first`: tried first."""
+    ln = logarithms(leg.s, leg.reading, leg.offset)
+    fit = fit_leg(ln, k, leg.c, leg.reach.ends, [np.clip(y, *leg.reach.ends) for y in first])
+    if fit is None:
+        return None
+    return _ordered(fit, "logarithms", max(fit.cost / max(ln.s.size - 2 * k, 1), ROUNDING**2))
 
 
 def _stands(found: LegCentres) -> bool:
@@ -132,10 +157,13 @@ def _finished(leg: LegView, how: str, y: Array, options: PaperOptions) -> LegCen
     y = np.clip(y, *leg.reach.ends)
     start = Gaussians(y, heights(leg.s, leg.reading, y, c), c)
     fit = assess(leg.s, leg.reading, start) if options.samples == "robust" else polish(leg.s, leg.reading, start)
+    return _ordered(fit, how, max(fit.cost / max(leg.s.size - 2 * len(y), 1), (FAINT * leg.largest) ** 2))
+
+
+def _ordered(fit: LegFit, how: str, variance: float) -> LegCentres:
     order = np.argsort(fit.gaussians.y, kind="stable")
     g = Gaussians(*(part[order] for part in fit.gaussians))
     both = np.concatenate((order, order + len(order)))
-    variance = max(fit.cost / max(leg.s.size - 2 * len(y), 1), (FAINT * leg.largest) ** 2)
     return LegCentres(fit._replace(gaussians=g, covariance=fit.covariance[np.ix_(both, both)]), how, variance)
 
 
@@ -158,7 +186,21 @@ def count_on(leg: LegView, most: int, options: PaperOptions) -> int:
     return int(min((values > floor).sum(), most))
 
 
-def count(legs: list[LegView], most: int, options: PaperOptions) -> int:
-    """The number of sources most legs vote for; of equal votes the larger, since a leg can only miss sources."""
+def counts(legs: list[LegView], most: int, options: PaperOptions) -> list[int]:
+    """Numbers of sources to try, in order.
+
+    First, of legs without noise, every number that leaves nothing but rounding of one of them, the smallest first: a
+    leg can miss sources. Last what most legs vote for by rank; of equal votes the larger, for the same reason.
+    """
+    exact: set[int] = set()
+    if options.polish and options.samples != "robust":
+        quiet = [leg for leg in legs if leg.noise_share < FREE_OF_NOISE and leg.largest > 0.0]
+        exact = {k for leg in quiet if (k := _fewest(leg, most)) is not None}
     votes = Counter(count_on(leg, most, options) for leg in legs)
-    return max(votes, key=lambda k: (votes[k], k)) if votes else 0
+    voted = max(votes, key=lambda k: (votes[k], k)) if votes else 0
+    return [*sorted(exact), *([] if voted in exact else [voted])]
+
+
+def _fewest(leg: LegView, most: int) -> int | None:
+    """The smallest number of centres that leaves nothing of a leg but rounding."""
+    return next((k for k in range(1, most + 1) if to_rounding(leg, k, []) is not None), None)

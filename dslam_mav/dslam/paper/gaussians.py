@@ -66,7 +66,7 @@ def assess(s: Array, reading: Array, g: Gaussians, free_spread: bool = False) ->
     _, values, right = np.linalg.svd(j / size, full_matrices=False)
     inverse = np.full((n, n), np.inf)
     if len(values) == n and values[-1] > 0.0:
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             inverse = (right.T / values**2) @ right / size[:, None] / size[None, :]
     residual = reading - model(s, g)
     k = len(g.y)

@@ -35,12 +35,16 @@ class Projections(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Directions c (L, d), sources S (K, d), ln a (K,); `how`: the step that found it."""
+    """Directions c (L, d), sources S (K, d), ln a (K,); `how`: the step that found it.
+
+    `rounded`: it leaves no more than rounding of any reading.
+    """
 
     direction: Array
     source: Array
     ln_amplitude: Array
     how: str
+    rounded: bool = False
 
 
 class Failure(NamedTuple):

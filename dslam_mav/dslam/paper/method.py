@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dslam_mav.dslam.paper import closed as closure
 from dslam_mav.dslam.paper.answer import Levels, assemble, nothing, parameters
-from dslam_mav.dslam.paper.candidates import Candidate, standing, with_refined
+from dslam_mav.dslam.paper.candidates import Candidate, candidate, polished, standing, with_refined
 from dslam_mav.dslam.paper.checks import check, check_parametric, too_few
 from dslam_mav.dslam.paper.geometry import layouts
 from dslam_mav.dslam.paper.layout import Failure, Projections
@@ -28,12 +28,14 @@ from dslam_mav.dslam.paper.pairing import chains
 from dslam_mav.dslam.paper.parametric import estimate_parametric
 from dslam_mav.dslam.paper.peaks import FlightPeaks, count_sources, peaks_of
 from dslam_mav.dslam.paper.scenery import Scenery, scenery
+from dslam_mav.dslam.paper.stretch import extended, stretch_of, stretches
 from dslam_mav.records import Estimate, Flight, Medium, Verdict
 
 Array = NDArray[np.float64]
 KnownPoints = Mapping[int, ArrayLike]
 
 _DEFAULTS = PaperOptions()
+MOST_EXTENDED = 4  # layouts of a stretch that are put together with the other legs
 
 
 def estimate_by_paper(
@@ -60,12 +62,16 @@ def estimate_by_paper(
     if lacking is not None:
         return nothing(flight, medium, n_sources or 1, Verdict.TOO_FEW_DATA, lacking)
     scene = scenery(flight, medium)
-    k = n_sources if n_sources is not None else count_sources(scene, max_sources, options)
-    if k == 0 or not any(y.any() for y in scene.reading):
+    tried = [n_sources] if n_sources is not None else count_sources(scene, max_sources, options)
+    if tried[-1] == 0 or not any(y.any() for y in scene.reading):
         reason = "No reading differs from the ambient level by more than its noise: no source is in reach."
-        return nothing(flight, medium, max(k, 1), Verdict.NOT_IDENTIFIABLE, reason)
+        return nothing(flight, medium, max(tried[-1], 1), Verdict.NOT_IDENTIFIABLE, reason)
     question = _Question(flight, medium, scene, options, closed or flight.closed, known_points)
-    return _along_legs(question, k)
+    for k in tried[:-1]:
+        result = _along_legs(question, k)
+        if result.diagnostics.get("rounded"):
+            return result
+    return _along_legs(question, tried[-1])
 
 
 class _Question(NamedTuple):
@@ -95,6 +101,18 @@ def _along_legs(question: _Question, k: int) -> Estimate:
 
 def _solve(scene: Scenery, peaks: FlightPeaks, closed: bool, options: PaperOptions) -> list[Candidate] | Failure:
     """Every answer that stands: of all pairings and all their layouts, by the residual over all readings."""
+    found, why = _found(scene, peaks, closed, options)
+    found = _polished(scene, peaks, found, options)
+    kept = standing(scene, found, parameters(len(peaks.legs[0].y), scene.length.size, scene.dimensions))
+    if found and not kept:
+        return Failure("Every path the algebra finds has a source out of all reach.", searched=True)
+    return kept or why or Failure("No pairing of the legs' centres leads to a path.", searched=True)
+
+
+def _found(
+    scene: Scenery, peaks: FlightPeaks, closed: bool, options: PaperOptions
+) -> tuple[list[Candidate], Failure | None]:
+    """All layouts of all pairings, and why the first pairing without one has none."""
     found: list[Candidate] = []
     why: Failure | None = None
     for p in _paired(scene, peaks):
@@ -104,10 +122,25 @@ def _solve(scene: Scenery, peaks: FlightPeaks, closed: bool, options: PaperOptio
             continue
         for layout in answer:
             found += with_refined(scene, p, layout, options)
-    kept = standing(scene, found, parameters(len(peaks.legs[0].y), scene.length.size, scene.dimensions))
-    if found and not kept:
-        return Failure("Every path the algebra finds has a source out of all reach.", searched=True)
-    return kept or why or Failure("No pairing of the legs' centres leads to a path.", searched=True)
+    return found, why
+
+
+def _polished(scene: Scenery, peaks: FlightPeaks, found: list[Candidate], options: PaperOptions) -> list[Candidate]:
+    """Without noise: brought down to rounding, from stretches of the path where no layout of the whole can be."""
+    if not (options.polish and peaks.quiet and scene.c_first is not None and len(peaks.legs[0].y) > 1):
+        return found
+    found = polished(scene, found)
+    if scene.dimensions != 2:
+        return found
+    for first, last in stretches(peaks.condition):
+        if any(c.layout.rounded for c in found):
+            break
+        part = stretch_of(scene, first, last)
+        own = peaks._replace(legs=peaks.legs[first:last], condition=peaks.condition[first:last])
+        some = polished(part, _found(part, own, closed=False, options=options)[0])
+        whole = [candidate(scene, extended(scene, c.layout, first), c.c_first) for c in some[:MOST_EXTENDED]]
+        found = polished(scene, whole) + found
+    return found
 
 
 def _paired(scene: Scenery, peaks: FlightPeaks) -> list[Projections]:

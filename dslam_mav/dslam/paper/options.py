@@ -20,6 +20,7 @@ class PaperOptions:
     leg's noise. `fit_margin`: how far beyond either end of a leg centres may lie. `denoise`: Cadzow iterations on the
     robust samples. `solver`: the annihilating filter (20), its total-least-squares form, or the matrix pencil (IV-D).
     `refine`, `refine_points`: IV-D under noise, and its points (footnote 3): the projections P_kj, or all readings.
+    `polish`: where readings are free of noise, centres and the answer are fitted to them down to rounding.
     `separation_epsilon`: IV-B's ε as a share of a leg's largest reading; None: the one that finds the sources.
     """
 
@@ -31,6 +32,7 @@ class PaperOptions:
     refine: bool = True
     refine_points: RefinePoints = "projections"
     separation_epsilon: float | None = None
+    polish: bool = True
 
     def __post_init__(self) -> None:
         for name, kind in (("samples", Samples), ("solver", Solver), ("refine_points", RefinePoints)):

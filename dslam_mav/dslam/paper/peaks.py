@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from dslam_mav.records import Medium
 
 Array = NDArray[np.float64]
 
+MOST_DIGITS = 16.0  # a reading has
+
 
 class FlightPeaks(NamedTuple):
     """Peaks of every leg; the legs' noise (without units), how each was found, its condition; `repeat` for IV-B."""
@@ -28,32 +31,46 @@ class FlightPeaks(NamedTuple):
     condition: Array
     repeat: Callable[[Projections], Projections] | None = None
 
+    @property
+    def quiet(self) -> bool:
+        """Whether the readings are free of noise."""
+        return self.noise < fri.FREE_OF_NOISE
+
     def conditioning(self) -> dict[str, Any]:
         """What every leg multiplies its readings' noise with, and the digits the worst one loses of what they hold."""
         worst = float(self.condition.max())
-        return {"per_leg": self.condition.tolist(), "worst": worst, "digits_lost": float(np.log10(max(worst, 1.0)))}
+        lost = min(float(np.log10(max(worst, 1.0))), MOST_DIGITS)
+        return {"per_leg": self.condition.tolist(), "worst": worst, "digits_lost": lost}
 
 
-def count_sources(scene: Scenery, most: int, options: PaperOptions) -> int:
-    """K by the legs' vote: Remark 4, or the separate groups of readings where spreads are unknown."""
+def count_sources(scene: Scenery, most: int, options: PaperOptions) -> list[int]:
+    """Numbers of sources to try: Remark 4, or the separate groups of readings where spreads are unknown."""
     if scene.c_first is None:
-        return count_groups(scene, most, options)
-    return fri.count(_views(scene, options), most, options)
+        return [count_groups(scene, most, options)]
+    return fri.counts(_views(scene, options), most, options if scene.still else replace(options, polish=False))
 
 
 def peaks_of(scene: Scenery, medium: Medium, k: int, options: PaperOptions) -> FlightPeaks | Failure:
     """K peaks on every leg, or which leg has none."""
     if scene.c_first is None:
         return _separated(scene, medium, k, options)
-    legs, how, condition = [], [], []
     views = _views(scene, options)
-    for j, view in enumerate(views):
-        found = fri.centres(view, k, options)
-        if isinstance(found, str):
-            return Failure(f"Leg {j + 1}: {found}")
-        legs.append(_peaks(found, scene.c_first))
-        how.append(found.how)
-        condition.append(found.fit.condition)
+    # a field that evolves on a leg is no sum of Gaussians to rounding
+    own = options if scene.still else replace(options, polish=False)
+    found = [fri.centres(view, k, own) for view in views]
+    exact = any(not isinstance(one, str) and one.how == "logarithms" for one in found)
+    legs, how, condition = [], [], []
+    for j, one in enumerate(found):
+        if isinstance(one, str):
+            if not exact:
+                return Failure(f"Leg {j + 1}: {one}")
+            legs.append(_unknown(views[j], k, scene.c_first))
+            how.append("none")
+            condition.append(np.inf)
+            continue
+        legs.append(_peaks(one, scene.c_first))
+        how.append(one.how)
+        condition.append(one.fit.condition)
     noise = np.array([v.noise for v in views])
     level = float(np.sqrt(np.mean(noise[np.isfinite(noise)] ** 2))) if np.isfinite(noise).any() else 0.0
     return FlightPeaks(legs, level, tuple(how), np.array(condition))
@@ -77,9 +94,16 @@ def _views(scene: Scenery, options: PaperOptions) -> list[fri.LegView]:
     assert scene.c_first is not None
     c = scene.c_first + scene.growth_mid  # C_j, IV-A
     return [
-        fri.view(s, y, float(length), float(c_j), options)
+        fri.view(s, y, float(length), float(c_j), options, scene.offset)
         for s, y, length, c_j in zip(scene.s, scene.reading, scene.length, c, strict=True)
     ]
+
+
+def _unknown(view: fri.LegView, k: int, c_first: float) -> LegPeaks:
+    """Centres anywhere, for a leg that other legs may do without."""
+    y = np.linspace(*view.reach.ends, k + 2)[1:-1]
+    wide = np.tile(np.eye(2), (k, 1, 1)) * view.c * 100.0
+    return LegPeaks(y, np.full(k, view.largest or 1.0), np.full(k, view.c), wide, np.full(k, c_first), np.zeros(k))
 
 
 def _peaks(found: fri.LegCentres, c_first: float) -> LegPeaks:

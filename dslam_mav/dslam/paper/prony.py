@@ -50,4 +50,6 @@ def nodes(matrix: Complex, k: int, solver: Solver) -> Complex:
     else:  # (19) with h_0 = 1, least squares where there are more rows than K
         filtered = np.linalg.lstsq(matrix[:, 1:], -matrix[:, 0], rcond=None)[0]
         h = np.concatenate((np.ones(1, dtype=np.complex128), filtered))
-    return np.asarray(np.roots(h), dtype=np.complex128)  # zeros of H(z), (18)
+    found = np.roots(h) if np.isfinite(h).all() else np.zeros(0)  # zeros of H(z), (18)
+    # where h_0 is nothing a zero has gone to infinity; nodes that are none are 0
+    return np.concatenate((found, np.zeros(k - len(found)))).astype(np.complex128)

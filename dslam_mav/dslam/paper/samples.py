@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,13 @@ class Span(NamedTuple):
 
 
 def span(s: Array, c: float, ends: tuple[float, float]) -> Span:
-    """All that centres between `ends` can do to readings at distances s (N,)."""
+    """All that centres between `ends` can do to readings at distances s (N,); not to be written to."""
+    return _span(s.tobytes(), float(c), ends)
+
+
+@lru_cache(maxsize=4)  # legs of a flight, and flights over one scene, are often read at the same distances
+def _span(distances: bytes, c: float, ends: tuple[float, float]) -> Span:
+    s = np.frombuffer(distances, dtype=np.float64)
     count = int(np.ceil(PER_SPREAD * (ends[1] - ends[0]) / np.sqrt(c))) + 1
     grid = np.linspace(*ends, count)
     left, values, right = np.linalg.svd(np.exp(-((grid[:, None] - s) ** 2) / c), full_matrices=False)

@@ -20,7 +20,7 @@ class Scenery:
     """Legs' distances and readings (above ambient) without units; `unit_m`, `unit_reading` bring them back.
 
     `c_first`: C at the flight's first reading, None where it is to be found. `growth` (N,) a leg: what C has grown
-    since at every reading, zero in a static field.
+    since at every reading, zero in a static field. `offset`: size of the ambient level that was taken off.
     """
 
     s: tuple[Array, ...]
@@ -31,6 +31,12 @@ class Scenery:
     unit_m: float
     unit_reading: float
     dimensions: int
+    offset: float
+
+    @property
+    def still(self) -> bool:
+        """Whether one C is known for all readings."""
+        return self.c_first is not None and not any(g.any() for g in self.growth)
 
     @property
     def growth_mid(self) -> Array:
@@ -59,6 +65,7 @@ def scenery(flight: Flight, medium: Medium) -> Scenery:
         unit_m=unit_m,
         unit_reading=unit_reading,
         dimensions=medium.dimensions,
+        offset=abs(medium.ambient or 0.0) / unit_reading,
     )
 
 

@@ -67,9 +67,27 @@ def test_a_clean_legs_centres_and_heights(kind, within, solver):
 def test_uneven_distances_are_read_with_robust_samples_and_said_so():
     rng = np.random.default_rng(3)
     s = np.sort(rng.uniform(0.0, LENGTH, 64))
-    found = fri.centres(leg(s), 3, PaperOptions(samples="exact"))
-    assert found.how == "robust"
-    assert found.fit.gaussians.y == pytest.approx(Y, abs=1e-11)
+    for polish, how in ((False, "robust"), (True, "logarithms")):
+        found = fri.centres(leg(s), 3, PaperOptions(samples="exact", polish=polish))
+        assert found.how == how
+        assert found.fit.gaussians.y == pytest.approx(Y, abs=1e-11)
+
+
+@pytest.mark.parametrize("faint", [1e-3, 1e-6, 1e-9])
+def test_polished_centres_of_a_faint_source_are_known_to_its_condition(faint):
+    """A fit to the readings themselves loses the source at 1e-9; in logarithms its tail at the leg's end holds it."""
+    y, a = np.array([0.4, 2.9, 4.0]), np.array([faint, 0.6, 1.0])
+    found = fri.centres(leg(EVEN, y=y, a=a), 3, PaperOptions())
+    assert found.how == "logarithms"
+    assert np.abs(found.fit.gaussians.y - y).max() < 1e-14 * max(found.fit.condition, 1.0)
+    plain = fri.centres(leg(EVEN, y=y, a=a), 3, PaperOptions(polish=False))
+    assert plain.fit.condition > 30.0 * found.fit.condition
+
+
+def test_a_known_ambient_levels_rounding_is_not_taken_for_readings():
+    reading = leg(EVEN).reading
+    view = fri.view(EVEN, (reading + 3.0) - 3.0, LENGTH, 1.0, PaperOptions(), 3.0)
+    assert fri.centres(view, 3, PaperOptions()).fit.gaussians.y == pytest.approx(Y, abs=1e-10)
 
 
 def test_centres_beyond_the_legs_ends_are_found_within_the_margin():
@@ -92,7 +110,7 @@ def test_under_noise_centres_are_off_by_what_their_covariance_says():
 def test_the_condition_is_the_centres_error_over_the_noise():
     rng = np.random.default_rng(5)
     near = leg(EVEN, y=np.array([1.5, 2.2]), a=np.array([1.0, 0.8]))
-    condition = fri.centres(near, 2, PaperOptions()).fit.condition
+    condition = fri.centres(near, 2, PaperOptions(polish=False)).fit.condition
     noise = 1e-5
     off = []
     for _ in range(40):

@@ -45,16 +45,27 @@ def test_the_middle_sample_sets_each_legs_spread():
 def test_iv_as_bias_goes_with_leg_time_over_age():
     """Theory, section 9: .004 to .088 √C at .01 to .2, for the joint fit of K = 3 on seven legs; here K = 2 on four."""
     ratios = np.array([0.001, 0.003, 0.01, 0.03])
-    bias = np.array([best_error(estimate_by_paper(*evolving(r), 2, 5), PATH, SOURCES, AMPLITUDE) for r in ratios])
+    plain = PaperOptions(polish=False)
+    found = [estimate_by_paper(*evolving(r), 2, 5, plain) for r in ratios]
+    bias = np.array([best_error(one, PATH, SOURCES, AMPLITUDE) for one in found])
     slope = np.polyfit(np.log(ratios), np.log(bias), 1)[0]
     assert slope == pytest.approx(1.0, abs=0.4)  # first order in leg time over age
     assert 0.004 < bias[2] < 0.1  # at .01: no better than the joint fit's .004, and the algebra's own loss upon it
 
 
 def test_an_evolving_field_is_told_not_to_fit_its_approximation():
-    result = estimate_by_paper(*evolving(0.02), 2, 5)
+    result = estimate_by_paper(*evolving(0.02), 2, 5, PaperOptions(polish=False))
     assert result.verdict is Verdict.MODEL_MISFIT
+    assert "approximation" in result.reason
     assert (result.sources.activation_s == -4.5 / 0.02).all()
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.5])
+def test_polished_an_evolving_field_is_exact(ratio):
+    result = estimate_by_paper(*evolving(ratio), 2, 5)
+    assert result.verdict is Verdict.IDENTIFIED
+    assert result.diagnostics["rounded"]
+    assert seen_error(result, PATH, SOURCES, AMPLITUDE) < 1e-11
 
 
 @pytest.mark.parametrize("n_sources", [2, None])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from paper_scenes import best_error, clear_scene, fly, pairwise_distances, seen_error
+from paper_scenes import best_error, clear_scene, fly, pairwise_distances, projections, seen_error
 
 from dslam_mav import Flight, Leg, Medium, Verdict
 from dslam_mav.dslam.paper.method import estimate_by_paper
@@ -19,7 +19,7 @@ SOURCES, AMPLITUDE = np.array([[2.81, 1.24], [3.92, -0.45], [0.93, 2.7]]), np.ar
 
 
 @pytest.mark.parametrize(
-    ("k", "legs", "leg", "box", "scenes"), [(2, 3, 4.5, 2.0, 15), (2, 4, 4.5, 2.0, 15), (3, 3, 4.5, 2.0, 8)]
+    ("k", "legs", "leg", "box", "scenes"), [(2, 3, 4.5, 2.0, 8), (2, 4, 4.5, 2.0, 8), (3, 3, 4.5, 2.0, 5)]
 )
 def test_without_noise_the_papers_errors_are_at_rounding(k, legs, leg, box, scenes):
     rng = np.random.default_rng(11)
@@ -67,12 +67,38 @@ def test_in_space_with_four_sources_and_six_legs():
 def test_the_loss_of_the_legs_is_reported():
     """A source that is faint on a leg costs its centre digits there, and the estimate says how many."""
     far = SOURCES + np.array([[0.0, 0.0], [0.0, -2.3], [0.0, 0.0]])
-    near, away = (estimate_by_paper(fly(PATH, s, AMPLITUDE), STATIC, 3, 5) for s in (SOURCES, far))
+    plain = PaperOptions(polish=False)
+    near, away = (estimate_by_paper(fly(PATH, s, AMPLITUDE), STATIC, 3, 5, plain) for s in (SOURCES, far))
     lost = [e.diagnostics["conditioning"]["digits_lost"] for e in (near, away)]
     assert lost[1] > lost[0] + 1.5
     assert "digits" not in near.reason
-    faint = estimate_by_paper(fly(PATH, SOURCES, AMPLITUDE * [1.0, 1e-7, 1.0]), STATIC, 3, 5)
-    assert "digits" in faint.reason
+    faint = fly(PATH, SOURCES, AMPLITUDE * [1.0, 1e-7, 1.0])
+    assert "digits" in estimate_by_paper(faint, STATIC, 3, 5, plain).reason
+    mended = estimate_by_paper(faint, STATIC, 3, 5)
+    assert mended.diagnostics["rounded"]
+    assert seen_error(mended, PATH, SOURCES, AMPLITUDE * [1.0, 1e-7, 1.0]) < 1e-6
+
+
+@pytest.mark.parametrize(("k", "path"), [(3, star(7, 3, 10.0)), (3, star(5, 2, 10.0))])
+def test_a_source_lost_on_some_legs_is_found_from_the_others(k, path):
+    """Stars wide enough for centres ≥ 1 √C apart on every leg: some legs see a source ten digits below another."""
+    rng, clear = np.random.default_rng(k), 0
+    while clear < 1:
+        position = path[:-1].mean(axis=0) + rng.uniform(-5.0, 5.0, (k, 2))
+        y = np.sort(projections(path, position, np.ones(k)).y, axis=0)
+        if np.diff(y, axis=0).min() < 1.0 or y.min() < 0.0 or y.max() > 10.0:
+            continue
+        clear += 1
+        amplitude = 20.0 * 10.0 ** rng.random(k)
+        result = estimate_by_paper(fly(path, position, amplitude), STATIC, None, 5)
+        assert result.verdict is Verdict.IDENTIFIED
+        assert seen_error(result, path, position, amplitude) < 1e-10
+
+
+def test_the_missing_standard_deviations_are_said():
+    result = estimate_by_paper(fly(PATH, SOURCES, AMPLITUDE), STATIC, 3, 5)
+    assert np.isnan(result.position_covariance_m2).all()
+    assert "no standard deviations" in result.reason
 
 
 def test_three_legs_and_two_sources_give_every_solution_that_stands():
