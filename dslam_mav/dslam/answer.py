@@ -13,10 +13,10 @@ from dslam_mav.dslam.certify import Noise
 from dslam_mav.dslam.fit import Fit
 from dslam_mav.dslam.gauge import Placed, in_order, placed
 from dslam_mav.dslam.joint import evaluate, model_of
-from dslam_mav.dslam.priors import Priors
+from dslam_mav.dslam.priors import Priors, without_scale
 from dslam_mav.dslam.problem import Problem, problem
 from dslam_mav.dslam.state import Layout, State, layout, parameter_names
-from dslam_mav.dslam.units import Units, in_si, parameter_units
+from dslam_mav.dslam.units import Units, in_si, normalised, parameter_units
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
 
 Array = NDArray[np.float64]
@@ -26,6 +26,10 @@ RATE_UNKNOWN_LOG_SD = 1.0  # ln μ less sure than this: μ and τ are not known 
 ONLY_SHAPE = (
     "Only the shape is known, up to scale: with the spread unknown, path, places and spread may grow alike without "
     "changing a reading. The spread, two known points or the diffusivity would tell the size."
+)
+LEVEL = (
+    "All legs are level: a source higher or lower and stronger reads the same. Legs that climb or sink would help, or "
+    "dimensions=2 where sources lie in the plane flown."
 )
 SCALE = "scale: coefficients, places and √C grow alike, amplitudes by the d-th power"
 WITHOUT_POSITIONS = (Verdict.NOT_CONVERGED, Verdict.NOT_IDENTIFIABLE)
@@ -86,6 +90,10 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     if _only_shape(answers.problem) and verdict is not Verdict.NOT_CONVERGED:
         verdict, reason = Verdict.NOT_IDENTIFIABLE, ONLY_SHAPE
         unseen, told = (SCALE, *unseen[1:]), {**told, "shape": _shape(best)}
+    elif _level(answers.problem) and verdict is not Verdict.NOT_CONVERGED:
+        verdict, reason = Verdict.NOT_IDENTIFIABLE, LEVEL
+    if (flat := certify.unseen(flight, medium.ambient, best, answers.freedom_inside)) is not None:
+        verdict, reason = Verdict.NOT_IDENTIFIABLE, flat
     if verdict in WITHOUT_POSITIONS:
         empty = nothing(flight, medium, len(best.sources), verdict, reason)
         return replace(
@@ -110,10 +118,13 @@ def _told_by_readings(prob: Problem) -> Problem:
 
 
 def _only_shape(prob: Problem) -> bool:
-    """Whether nothing says how large a parametric path is: (c, S, C, a) → (λc, λS, λ²C, λᵈa) changes no reading
-    (Table I row 5; theory, section 8).
-    """
-    return prob.basis is not None and prob.spread2 is None and not prob.rate and prob.known.points is None
+    """Whether nothing at all says how large a parametric path is."""
+    return without_scale(prob) and prob.known.points is None
+
+
+def _level(prob: Problem) -> bool:
+    """Whether nothing says how high sources are: a e^{−z²/C} is all that a still field shows of a and z (3)."""
+    return prob.dimensions == 3 and prob.static and prob.rise is not None and not prob.rise.any()
 
 
 def _shape(best: Estimate) -> dict[str, Array]:
@@ -127,13 +138,11 @@ def _shape(best: Estimate) -> dict[str, Array]:
 
 def _against_headings(answers: Answers, state: State) -> str | None:
     """A leg that was not flown in its known heading, in words."""
-    known = answers.problem.known.heading
-    if known is None:
+    if (known := answers.problem.known.heading) is None:
         return None
     off = np.abs(np.angle(np.exp(1j * (state.theta + state.turn - known[0]))))
     worst = int(np.argmax(off))
-    sds = off[worst] / answers.priors.heading_sd_rad
-    if sds < HEADING_MISFIT_SD:
+    if (sds := off[worst] / answers.priors.heading_sd_rad) < HEADING_MISFIT_SD:
         return None
     return f"The readings put leg {worst + 1} {sds:.0f} standard deviations from its known heading."
 
@@ -164,7 +173,7 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
         parameter_names=names,
         noise_sd=level.sd * unit.reading,
         log_likelihood=_log_likelihood(f.cost + prob.outside, prob.n_readings, level, unit.reading),
-        residual=_residual(flight, medium, real),
+        residual=_residual(flight, medium, state, unit),
         gauge="anchored" if answers.priors.anchored else "canonical",
         unseen_directions=certify.unseen_in_words(info, names),
         diagnostics=_diagnostics(answers, state, cost),
@@ -189,15 +198,13 @@ def _path(prob: Problem, real: State, where: Placed, unit: Units) -> Path:
     vertices = where.vertices * unit.length
     step = np.diff(vertices, axis=0)
     heading = np.arctan2(step[:, 1], step[:, 0])
-    if prob.basis is None:
-        return Path(vertices, heading)
-    return Path(vertices, heading, real.coefficients @ where.rotation.T)
+    return Path(vertices, heading, None if prob.basis is None else real.coefficients @ where.rotation.T)
 
 
-def _residual(flight: Flight, medium: Medium, real: State) -> Array:
+def _residual(flight: Flight, medium: Medium, state: State, unit: Units) -> Array:
     """(n,) measured − model at every reading, in its own units: the one pass over all readings after the fit."""
-    raw = problem(flight, medium)
-    return raw.y - model_of(raw, real)
+    prob = normalised(problem(flight, medium), unit)
+    return (prob.y - model_of(prob, state)) * unit.reading
 
 
 def _rate_told(at: Layout, covariance: Array, prob: Problem, state: State) -> bool:

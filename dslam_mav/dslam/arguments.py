@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sized
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.problem import Problem
-from dslam_mav.records import Estimate, Flight, Medium
+from dslam_mav.records import Estimate, Flight, Leg, Medium, Sources
+from dslam_mav.records.arrays import finite, number
 
 Array = NDArray[np.float64]
 
 HUGE = 1e100  # lengths, spreads and times beyond it, or below its inverse, have squares that float64 cannot hold
 NARROWEST = 1.0 / 500.0  # of the longest leg: a narrower spread is met by no path but by chance, …
 WIDEST = 1e3  # … and over one so many times as wide as the longest leg readings are all alike
+MOST_BEYOND = 1.0  # of a leg's length: how far off its ends a reading may lie and still be of that leg
+MOST_TEXT = 60  # letters of a value told in an error …
+MOST_ITEMS = 12  # … and items, not to build the text of a whole flight
 ALIKE = 1e-12  # of the largest reading: readings that differ less do not differ
 REMOTE = 1e-9  # of their distance from a known ambient level: that little difference sources do not explain
 
 
 def check(flight: Flight, medium: Medium, method: str, start: Estimate | None, seed: int) -> None:
     """ValueError for what can be no flight, medium, method, start or seed, or not together."""
+    if isinstance(flight, (tuple, list)) and flight and all(isinstance(leg, Leg) for leg in flight):
+        raise ValueError(f"flight: expected a Flight, got its {len(flight)} legs alone; use Flight(legs)")
     _kind("flight", flight, Flight)
     _kind("medium", medium, Medium)
     if method not in ("joint", "paper"):
-        raise ValueError(f'method: expected "joint" or "paper", got {method!r}')
+        raise ValueError(f'method: expected "joint" or "paper", got {short(method)}')
     if start is not None:
         _kind("start", start, Estimate)
     if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
-        raise ValueError(f"seed: expected a whole number, 0 or more, got {seed!r}")
+        raise ValueError(f"seed: expected a whole number, 0 or more, got {short(seed)}")
     curve = flight.parametric
     if not flight.legs and curve is None:
         raise ValueError("flight: expected at least one leg, or a parametric path")
@@ -42,7 +49,24 @@ def check_count(name: str, value: Any, most: int) -> None:
     """ValueError unless so many sources can be looked for."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not (whole and 1 <= value <= most):
-        raise ValueError(f"{name}: expected a whole number from 1 to {most}, got {value!r}")
+        raise ValueError(f"{name}: expected a whole number from 1 to {most}, got {short(value)}")
+
+
+def check_mission(sources: Sources, medium: Medium, positive: Mapping[str, object]) -> None:
+    """ValueError for what can be no sources or medium of a mission to come, or no `positive` numbers of it."""
+    _kind("sources", sources, Sources)
+    _kind("medium", medium, Medium)
+    for name, value in positive.items():
+        if number(value, name, "a positive number") <= 0.0:
+            raise ValueError(f"{name}: expected a positive number, got {short(value)}")
+    d = sources.position_m.shape[1]
+    if not len(sources) or d != medium.dimensions:
+        raise ValueError(f"sources: expected places in {medium.dimensions} dimensions, got {len(sources)} in {d}")
+    for name in ("position_m", "amplitude", "peak_reading"):
+        finite(getattr(sources, name), f"sources.{name}")
+    for name in ("amplitude", "peak_reading"):
+        if not (getattr(sources, name) > 0.0).all():
+            raise ValueError(f"sources.{name}: expected positive numbers, got {getattr(sources, name).min():g}")
 
 
 def usable(start: Estimate | None) -> Estimate | None:
@@ -66,7 +90,25 @@ def hopeless(prob: Problem) -> str | None:
         return f"Readings are alike beside their distance from the ambient level of {prob.ambient:g}."
     if prob.basis is not None and not np.ptp(prob.basis, axis=0).any():
         return "The path's functions are constant: all readings were taken at one place."
+    reason = _off_the_leg(prob)
+    if reason is not None:
+        return reason
     return None if prob.spread2 is None or not prob.n_legs else _out_of_scale(prob, prob.spread2)
+
+
+def _off_the_leg(prob: Problem) -> str | None:
+    """Readings too far beyond a leg's ends: the search would take them for readings nearer by (starts.samples)."""
+    if not prob.n_legs:
+        return None
+    length = prob.length[prob.leg]
+    beyond = np.maximum(-prob.s, prob.s - length) / length
+    worst = int(np.argmax(beyond))
+    if beyond[worst] <= MOST_BEYOND:
+        return None
+    return (
+        f"A reading of leg {int(prob.leg[worst]) + 1} lies at {prob.s[worst]:.3g} m, more than the leg's length of "
+        f"{length[worst]:.3g} m beyond its ends: distance_m, or where the leg begins, is wrong."
+    )
 
 
 def _out_of_scale(prob: Problem, first: Array) -> str | None:
@@ -81,7 +123,16 @@ def _out_of_scale(prob: Problem, first: Array) -> str | None:
 
 def _kind(name: str, value: object, kind: type) -> None:
     if not isinstance(value, kind):
-        raise ValueError(f"{name}: expected {kind.__name__}, got {value!r}")
+        raise ValueError(f"{name}: expected a {kind.__name__}, got {short(value)}")
+
+
+def short(value: object) -> str:
+    """A value in a few words: what is long is told by its kind and size."""
+    kind, size = type(value).__name__, len(value) if isinstance(value, Sized) else None
+    text = repr(value) if size is None or size <= MOST_ITEMS else ""
+    return (
+        text if text and len(text) <= MOST_TEXT and "\n" not in text else f"{kind} of {size}" if size else f"a {kind}"
+    )
 
 
 def _check_times(flight: Flight, medium: Medium) -> None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.certify import MISFIT_MATTERS
 from dslam_mav.dslam.priors import POINT_SHARE, Priors
 from dslam_mav.records import Estimate, Flight, Verdict
 
@@ -15,6 +14,7 @@ Array = NDArray[np.float64]
 
 WINDOWS = (4, 8, 16)  # readings whose mean tells a dip from noise
 DIP_SD = 6.0
+DIP_MATTERS = 0.06  # of the readings' range
 MISSED_SD = 5.0
 
 
@@ -43,7 +43,7 @@ def _cold(result: Estimate, flight: Flight) -> str | None:
             lowest = float(np.convolve((level - part) / span, np.full(width, 1.0 / width), mode="valid").max())
             if lowest * span > DIP_SD * sd / np.sqrt(width):
                 depth = max(depth, lowest)
-    if depth <= MISFIT_MATTERS:
+    if depth <= DIP_MATTERS:
         return None
     return (
         f"Readings lie below the ambient level of {level:.3g} by {100.0 * depth:.0f} % of their range: "

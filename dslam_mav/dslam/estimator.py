@@ -9,7 +9,7 @@ the arguments raises `ValueError`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal
 
@@ -19,7 +19,7 @@ from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.arguments import check, check_count, hopeless, usable
-from dslam_mav.dslam.certify import too_few
+from dslam_mav.dslam.certify import MISFIT_P_VALUE, too_few
 from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.dslam.paper.options import PaperOptions
@@ -34,6 +34,9 @@ Array = NDArray[np.float64]
 
 MAX_SOURCES = 8
 DOUBTFUL_P = 0.05
+STANDS = "The field was found to stand still."
+CONTRADICTED = "A field that stands still fits them better than one that evolves with the μ or τ given."
+COOLING = "Readings fit better upside down: sources that cool are not in the model."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +78,9 @@ def estimate(
     check_count("max_sources", max_sources, MAX_SOURCES)
     if n_sources is not None:
         check_count("n_sources", n_sources, MAX_SOURCES)
+    elif isinstance(medium.activation_s, tuple) and len(medium.activation_s) > 1:
+        count = len(medium.activation_s)
+        raise ValueError(f"n_sources: expected {count}, one for each time in medium.activation_s, got None")
     if paper is not None and not isinstance(paper, PaperOptions):
         raise ValueError(f"paper: expected PaperOptions or None, got {type(paper).__name__}")
     if method == "paper":
@@ -85,7 +91,8 @@ def estimate(
     question = _Question(flight, medium, priors, usable(start), seed)
     # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
     with _threads().limit(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
-        return _with_k(question, int(n_sources)) if n_sources is not None else _choose_k(question, max_sources)
+        result = _with_k(question, int(n_sources)) if n_sources is not None else _choose_k(question, max_sources)
+        return _reconsidered(question, result)
 
 
 def _by_paper(
@@ -130,6 +137,57 @@ def _with_k(question: _Question, k_sources: int) -> Estimate:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
     answers = Answers(solved.problem, solved.fits, solved.level, solved.freedom_inside, unit, question.priors)
     return doubted(assemble(flight, medium, answers), flight, question.priors)
+
+
+def _reconsidered(question: _Question, result: Estimate) -> Estimate:
+    """The answer, held against models nobody asked for where it leaves more than noise: a field that stands still,
+    sources that cool.
+    """
+    told = result.diagnostics
+    if "cost" not in told or result.verdict is Verdict.NOT_IDENTIFIABLE:
+        return result
+    doubtful = result.verdict is Verdict.NOT_CONVERGED or told["whiteness_p"] < MISFIT_P_VALUE
+    if doubtful and not question.medium.static:
+        return _or_standing(question, result)
+    return _or_cooling(question, result, doubtful)
+
+
+def _or_standing(question: _Question, result: Estimate) -> Estimate:
+    """A field that stands still is the limit of one that evolves ever more slowly: the search at rates above may miss
+    it. Where μ or τ are known there is no such limit, and a still field that fits better contradicts them.
+    """
+    medium = question.medium
+    still = replace(medium, static=True, diffusivity_m2_s=None, activation_s="shared")
+    standing = _with_k(replace(question, medium=still), len(result.sources))
+    if "cost" not in standing.diagnostics or _more_is_better(standing, result):
+        return result
+    if medium.diffusivity_m2_s is None and not isinstance(medium.activation_s, (float, tuple)):
+        return replace(standing, reason=f"{standing.reason} {STANDS}")
+    return replace(result, reason=f"{result.reason} {CONTRADICTED}") if _called_right(standing) else result
+
+
+def _called_right(result: Estimate) -> bool:
+    return result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS)
+
+
+def _or_cooling(question: _Question, result: Estimate, doubtful: bool) -> Estimate:
+    """Readings that fit better upside down are of sources that cool, which the model has not: tried where more than
+    noise is left and most readings are high, or where the ambient level lies far below all readings.
+    """
+    flight, level = question.flight, result.medium.ambient
+    if question.medium.ambient is not None or level is None or not flight.legs or not _called_right(result):
+        return result
+    readings = np.concatenate([leg.reading for leg in flight.legs])
+    low, middle, high = np.quantile(readings, [0.0, 0.5, 1.0])
+    if low - level < high - low and not (doubtful and high - middle < middle - low):
+        return result
+    turned = Flight(tuple(replace(leg, reading=-leg.reading) for leg in flight.legs), closed=flight.closed)
+    cooling = _with_k(replace(question, flight=turned, start=None), len(result.sources))
+    told = cooling.diagnostics
+    if told.get("whiteness_p", 0.0) < MISFIT_P_VALUE or told["cost"] >= result.diagnostics["cost"]:
+        return result
+    others = tuple(replace(other, verdict=Verdict.MODEL_MISFIT) for other in result.alternatives)
+    return replace(result, verdict=Verdict.MODEL_MISFIT, reason=COOLING, alternatives=others)
 
 
 def _choose_k(question: _Question, max_sources: int) -> Estimate:

@@ -11,13 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dslam_mav.dslam.arguments import check_mission
 from dslam_mav.dslam.bound import aligned_columns, blocks, information, source_columns
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.path import path_columns
 from dslam_mav.dslam.priors import CLOSED_SHARE
 from dslam_mav.dslam.problem import Known, Problem, problem
 from dslam_mav.dslam.state import State, layout
-from dslam_mav.records import Flight, Leg, Medium, Sources
+from dslam_mav.records import Flight, Leg, Medium, Sources, read_only
+from dslam_mav.records.arrays import finite
 
 Array = NDArray[np.float64]
 
@@ -59,13 +61,14 @@ def bound(
     What is None in `medium` counts as unknown; its true value is taken from the sources' peak readings. ValueError
     names an argument that cannot be.
     """
-    path = np.asarray(vertices_m, dtype=np.float64)
-    d = medium.dimensions
-    if path.ndim != 2 or path.shape[1] != d or len(path) < 2:
+    numbers = {"readings_per_leg": readings_per_leg, "speed_m_s": speed_m_s, "noise_sd": noise_sd}
+    check_mission(sources, medium, numbers if heading_sd_rad is None else {**numbers, "heading_sd_rad": heading_sd_rad})
+    if not isinstance(readings_per_leg, (int, np.integer)):
+        raise ValueError(f"readings_per_leg: expected a whole number, got {readings_per_leg}")
+    d, path = medium.dimensions, read_only(vertices_m, "vertices_m", (None, None))
+    finite(path, "vertices_m")
+    if path.shape[1] != d or len(path) < 2:
         raise ValueError(f"vertices_m: expected shape (2 or more, {d}), got {path.shape}")
-    for name, value in (("readings_per_leg", readings_per_leg), ("speed_m_s", speed_m_s), ("noise_sd", noise_sd)):
-        if not value > 0:
-            raise ValueError(f"{name}: expected a positive number, got {value}")
     prob = replace(
         _unread(np.diff(path, axis=0), medium, readings_per_leg, speed_m_s),
         known=_known(path, noise_sd, heading_sd_rad, length_sd_m, closed),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dslam_mav.dslam.align import MIN_TURN_SINE
+from dslam_mav.dslam.arguments import short
 from dslam_mav.dslam.path import corners, vertices
 from dslam_mav.dslam.problem import Known, Problem
 from dslam_mav.dslam.state import State
@@ -30,6 +30,10 @@ POINT_SHARE = 1e-4  # of the path: how well a known point is known
 LEAST_SD = 1e-6  # of the path, or a radian: as exact as a prior may be
 FINEST = 1e-5  # of a reading's noise: what is known better is as good as exact, and float64 could not weigh it
 RESTARTS = 40
+SLACK = (
+    0.05  # of the legs between two known points: how much further apart they may lie, surveyed and flown as they are …
+)
+SLACK_SD = 5.0  # … and of the legs' own standard deviations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,15 +60,6 @@ class Priors:
         """Whether the frame is known."""
         return self.heading_rad is not None or self.points_m is not None
 
-    @property
-    def side(self) -> float:
-        """+1 where the first real turn of the headings is counter-clockwise, −1 where it is clockwise."""
-        if self.heading_rad is None:
-            return 1.0
-        sines = np.sin(np.diff(self.heading_rad))
-        turns = sines[np.abs(sines) > MIN_TURN_SINE]
-        return -1.0 if turns.size and turns[0] < 0.0 else 1.0
-
 
 def priors_of(
     flight: Flight,
@@ -76,7 +71,7 @@ def priors_of(
     """The arguments of `estimate` checked; ValueError names the one that cannot be."""
     wanted = "a positive standard deviation"
     if closed_sd_m is not None and number(closed_sd_m, "closed_sd_m", wanted) <= 0.0:
-        raise ValueError(f"closed_sd_m: expected a positive standard deviation, got {closed_sd_m}")
+        raise ValueError(f"closed_sd_m: expected a positive standard deviation, got {short(closed_sd_m)}")
     n_legs = len(flight.legs)
     if closed_sd_m is None and flight.closed:
         closed_sd_m = CLOSED_SHARE * float(flight.lengths_m.sum()) if n_legs else None
@@ -94,7 +89,7 @@ def _headings(n_legs: int, prior: tuple[ArrayLike, float] | None) -> tuple[Array
     if prior is None:
         return None, 0.0
     if not isinstance(prior, (tuple, list)) or len(prior) != 2:
-        raise ValueError(f"heading_prior: expected headings and their standard deviation, got {prior!r}")
+        raise ValueError(f"heading_prior: expected headings and their standard deviation, got {short(prior)}")
     heading = read_only(prior[0], "heading_prior", (n_legs,))
     finite(heading, "heading_prior")
     if not n_legs:
@@ -111,19 +106,31 @@ def _points(
     if known is None:
         return None, None
     if not isinstance(known, Mapping):
-        raise ValueError(f"known_points: expected vertex indices with their places, got {known!r}")
+        raise ValueError(f"known_points: expected vertex indices with their places, got {short(known)}")
     if not known:
         return None, None
     count = len(flight.legs) + 1 if flight.legs else flight.n_readings
+    for i, point in known.items():
+        if isinstance(i, bool) or not (isinstance(i, (int, np.integer)) and 0 <= i < count):
+            raise ValueError(f"known_points: expected vertex indices from 0 to {count - 1}, got {short(i)}")
+        finite(read_only(point, f"known_points[{i}]", (dimensions,)), f"known_points[{i}]")
     least = 1 if oriented else 2
     if len(known) < least:
         raise ValueError(f"known_points: expected at least {least} points to anchor the path, got {len(known)}")
-    for i, point in known.items():
-        if isinstance(i, bool) or not (isinstance(i, (int, np.integer)) and 0 <= i < count):
-            raise ValueError(f"known_points: expected vertex indices from 0 to {count - 1}, got {i!r}")
-        finite(read_only(point, f"known_points[{i}]", (dimensions,)), f"known_points[{i}]")
     index = np.array(sorted(known), dtype=np.int64)
-    return index, np.array([known[int(i)] for i in index], dtype=np.float64)
+    points = np.array([known[int(i)] for i in index], dtype=np.float64)
+    _check_reach(flight, index, points)
+    return index, points
+
+
+def _check_reach(flight: Flight, index: NDArray[np.int64], points: Array) -> None:
+    """ValueError where two points lie further apart than the legs between them are long, uncertain as those are."""
+    for m in range(index.size - 1 if flight.legs else 0):
+        a, b = int(index[m]), int(index[m + 1])
+        apart, length = float(np.linalg.norm(points[m + 1] - points[m])), sum(leg.length_m for leg in flight.legs[a:b])
+        if apart > length * (1.0 + SLACK) + SLACK_SD * sum(leg.length_sd_m for leg in flight.legs[a:b]):
+            wanted = f"points {a} and {b} no further apart than the {length:.6g} m flown between them"
+            raise ValueError(f"known_points: expected {wanted}, got {apart:.6g} m")
 
 
 def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units) -> Problem:
@@ -188,6 +195,11 @@ def _onto_points(prob: Problem, state: State) -> State:
     assert prob.known.points is not None
     index, points, _ = prob.known.points
     path = corners(prob, state)[index]
+    if without_scale(prob):  # the fit does not find its way over orders of magnitude
+        wide, own = (float(np.linalg.norm(places - places.mean(axis=0))) for places in (points, path))
+        if wide > 0.0 and own > 0.0:
+            state = _grown(state, wide / own)
+            path = corners(prob, state)[index]
     from_centre, to_centre = path - path.mean(axis=0), points - points.mean(axis=0)
     cross = from_centre[:, 0] * to_centre[:, 1] - from_centre[:, 1] * to_centre[:, 0]
     turn = float(np.arctan2(cross.sum(), (from_centre[:, :2] * to_centre[:, :2]).sum()))
@@ -197,6 +209,25 @@ def _onto_points(prob: Problem, state: State) -> State:
     rotation = np.eye(prob.dimensions)
     rotation[:2, :2] = [[cos, -sin], [sin, cos]]
     return replace(state, turn=turn, shift=points.mean(axis=0) - rotation @ path.mean(axis=0))
+
+
+def without_scale(prob: Problem) -> bool:
+    """Whether readings do not say how large a parametric path is: (c, S, C, a) → (λc, λS, λ²C, λᵈa) changes none of
+    them (Table I row 5; theory, section 8).
+    """
+    return prob.basis is not None and prob.spread2 is None and not prob.rate
+
+
+def _grown(state: State, factor: float) -> State:
+    log, d = float(np.log(factor)), state.s.shape[1]
+    return replace(
+        state,
+        coefficients=state.coefficients * factor,
+        s=state.s * factor,
+        log_amplitude=state.log_amplitude + d * log,
+        log_spread2=state.log_spread2 + 2.0 * log,
+        log_rate=state.log_rate + 2.0 * log,
+    )
 
 
 def lone_starts(prob: Problem, priors: Priors, like: State, rng: np.random.Generator) -> list[State]:

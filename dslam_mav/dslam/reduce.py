@@ -29,7 +29,9 @@ BLOCK = 8192  # readings taken at once
 ORDER_FLOOR = 12
 ORDER_PER_SPREAD = 9.0  # points per half length in √C; with the floor: 1e-10 of a Gaussian anywhere about the leg
 GAP = 0.01  # of a leg: the widest stretch without readings
-STEADY = 1e-9  # of the flight: how far times may stray from a steady run along the leg
+STEADY = (
+    1e-6  # of the flight: how far times may stray from a steady run along the leg; Unix times are rounded to 2e-7 s
+)
 
 
 def binned(prob: Problem) -> Problem:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from random_scenes import random_case
 from sound import sound
 
-from dslam_mav import Flight, Medium, ParametricPath, Verdict, estimate
+from dslam_mav import Flight, Leg, Medium, ParametricPath, Verdict, estimate
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -101,11 +101,35 @@ class TestArguments:
         np.testing.assert_allclose(exact.sd_m, near.sd_m, rtol=1e-3)
         np.testing.assert_allclose(exact.sources.position_m, near.sources.position_m, atol=1e-4)
 
-    @pytest.mark.parametrize("points", [{0: [0, 0], 1: [0, 0]}, {0: [0, 0], 1: [100, 0]}])
-    def test_points_that_contradict_the_leg_between_them(self, points):
-        result = sound(estimate(FLIGHT, KNOWN, 2, known_points=points))
+    def test_points_nearer_than_the_leg_between_them(self):
+        result = sound(estimate(FLIGHT, KNOWN, 2, known_points={0: [0, 0], 1: [0, 0]}))
         assert result.verdict is Verdict.MODEL_MISFIT
         assert "misses known point" in result.reason
+
+    @pytest.mark.parametrize("points", [{0: [0, 0], 1: [3.5, 0]}, {1: [0, 0], 2: [0, 0], 6: [0, 14]}])
+    def test_points_further_apart_than_the_path_between_them_is_long(self, points):
+        with pytest.raises(ValueError, match=r"known_points: expected points . and . no further apart"):
+            estimate(FLIGHT, KNOWN, 2, known_points=points)
+
+    @pytest.mark.parametrize(
+        ("call", "says"),
+        [
+            (lambda: estimate(FLIGHT.legs, KNOWN, 2), r"flight: expected a Flight, got its 7 legs alone; use Flight\("),
+            (lambda: estimate(FLIGHT.legs[0], KNOWN, 2), "flight: expected a Flight, got a Leg"),
+            (lambda: estimate(FLIGHT, FLIGHT, 2), "medium: expected a Medium, got a Flight"),
+            (lambda: estimate(FLIGHT, KNOWN, 2, known_points={99: [0, 0]}), "known_points: .* from 0 to 7, got 99"),
+            (lambda: estimate(FLIGHT, KNOWN, 2, known_points=np.zeros((90, 2))), "known_points: .*ndarray of 90"),
+            (
+                lambda: estimate(FLIGHT, Medium(diffusivity_m2_s=0.1, activation_s=(-3.0, -2.0))),
+                "n_sources: expected 2, one for each time in medium.activation_s",
+            ),
+        ],
+    )
+    def test_misuse_is_told_in_a_line(self, call, says):
+        with pytest.raises(ValueError, match=says) as told:
+            call()
+        assert len(str(told.value)) < 160
+        assert "\n" not in str(told.value)
 
 
 @pytest.fixture(scope="module")
@@ -188,6 +212,20 @@ class TestRecords:
     def test_bad_media(self, name, value):
         with pytest.raises(ValueError, match=name):
             Medium(**{"static": True, name: value})
+
+    @pytest.mark.parametrize(
+        ("make", "named"),
+        [
+            (lambda: Leg(1.0, [0.0, 1.0], [0.0, 1.0], [1.0, np.nan]), r"reading\[1\]"),
+            (lambda: Leg(1.0, [0.0, 1.0], [0.0, 0.0], [1.0, 2.0]), "time_s"),
+            (lambda: Leg(1.0, [0.0, 1.0], [0.0, 1.0], [1.0]), "reading"),
+            (lambda: Flight((Leg(1.0, [0.0], [5.0], [1.0]), Leg(1.0, [0.0], [4.0], [1.0]))), r"legs\[1\].time_s"),
+            (lambda: Medium(spread_m=1.0), "spread_m"),
+        ],
+    )
+    def test_impossible_records_name_the_field(self, make, named):
+        with pytest.raises(ValueError, match=named):
+            make()
 
     def test_bad_flights(self):
         for legs in (None, 3, (1, 2), FLIGHT.legs[0]):

@@ -82,6 +82,7 @@ class TestReadings:
         plain, result = estimate(FLIGHT, KNOWN, 2), sound(estimate(_read(lambda _, y: y * factor), KNOWN, 2))
         assert result.verdict is plain.verdict
         np.testing.assert_allclose(result.sources.position_m, plain.sources.position_m, atol=0.05)
+        np.testing.assert_allclose(result.residual / factor, plain.residual, atol=0.2)
 
     def test_readings_whose_range_overflows(self):
         flight = _read(lambda _, y: np.where(np.arange(y.size) % 2, 1.7e308, -1.7e308))
@@ -146,6 +147,13 @@ class TestPlaces:
         flight = _changed(lambda j, leg: {"distance_m": change(j, leg.distance_m)}, SHORT)
         sound(estimate(flight, medium, k_sources))
 
+    def test_a_reading_far_off_its_leg_is_told(self):
+        """Not clipped to the leg's neighbourhood and counted as noise."""
+        off = _changed(lambda j, leg: {"distance_m": leg.distance_m + (3.4 if j == 2 else 0.0)})
+        result = sound(estimate(off, KNOWN, 2))
+        assert result.verdict is Verdict.NOT_IDENTIFIABLE
+        assert "leg 3 lies at 6.47 m, more than the leg's length of 3.2 m beyond its ends" in result.reason
+
     @pytest.mark.parametrize("spread", [1e-300, 1e-90, 1e-6, 1e-3, 1e6, 1e90, 1e300])
     def test_a_known_spread_out_of_all_scale(self, spread):
         result = _refused("spread_m", lambda: estimate(FLIGHT, replace(KNOWN, spread_m=spread), 2))
@@ -209,6 +217,19 @@ class TestSpace:
             legs.append(Leg(3.2, s, 3.2 * j + s, y, rise_m=own))
         result = sound(estimate(Flight(tuple(legs)), replace(KNOWN, dimensions=3), 1))
         assert result.sources.position_m.shape == (1, 3)
+
+    def test_level_legs_are_told_what_they_lack(self):
+        path = star(7, 3, 3.2)
+        place = path[:-1].mean(axis=0) + np.array([[0.8, 0.3], [-0.9, -0.2]])
+        s, legs = 3.2 * np.arange(32) / 32, []
+        for j, (a, b) in enumerate(pairwise(path)):
+            y = field(a + np.outer(s, b - a) / 3.2, 1.0, place, np.array([50.0, 40.0]))
+            y = y + 0.05 * np.random.default_rng(j).standard_normal(32)
+            legs.append(Leg(3.2, s, 3.2 * j + s, y, rise_m=0.0))
+        for medium in (KNOWN, FREE):
+            result = sound(estimate(Flight(tuple(legs)), replace(medium, dimensions=3), 2))
+            assert result.verdict is Verdict.NOT_IDENTIFIABLE
+            assert "Legs that climb or sink would help" in result.reason
 
 
 @pytest.mark.parametrize("medium", [FREE, Medium(), Medium(sensor_lag_s=None, spread_m=1.0, static=True)])
