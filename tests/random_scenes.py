@@ -1,7 +1,7 @@
 """Random scenes with known truth, and how an estimate is judged on them: shared by tests and benches.
 
-Lengths are in units of √C unless a scale is given. The truth's own fit, started at the truth, says what the best
-answer in the truth's basin is.
+Lengths are in units of √C unless a scale is given. The truth's own fit, started at the truth, says what cost there is
+to reach. The truth's mode is where small steps from the truth lead: full ones may leap into another basin.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from itertools import pairwise, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav import Flight, Leg, Medium, estimate
+from dslam_mav import Flight, Leg, Medium, bound, estimate
 from dslam_mav.dslam import fit as fitting
 from dslam_mav.dslam import problem as posing
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.field import field, squared_spread_m2
+from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.priors import PEAK_LOG_SD, PLAUSIBLE_PEAK
-from dslam_mav.dslam.state import State
-from dslam_mav.records import Estimate, Verdict
+from dslam_mav.dslam.state import State, layout, moved
+from dslam_mav.records import Estimate, Sources, Verdict
 from missions.patterns import star
 
 Array = NDArray[np.float64]
@@ -28,6 +29,9 @@ Array = NDArray[np.float64]
 BOX = 1.6
 APART = 0.8
 INSIDE_95 = 5.991  # χ² of two degrees of freedom
+FLOW_STEP = 0.2  # of a Gauss–Newton step
+FLOW_MOST = 0.1  # radians, spreads, logarithms
+FLOW_STEPS = 60
 SAME_BASIN = 0.05  # in spreads: an answer this near the truth's own fit is in its basin
 
 
@@ -116,7 +120,8 @@ class Judged:
     found: bool  # its cost is at most (1 + 1e-4) times that of the fit started at the truth
     truth_listed: bool  # the truth's basin is the result or among its alternatives
     error_m: float
-    mode_error_m: float  # of the mode nearest to the truth
+    bound_m: float  # Cramér–Rao, at the truth
+    mode_error_m: float  # of the truth's mode; where it is not listed, of the mode nearest to the truth
     mode_bound_m: float  # what that mode's covariance predicts
     mode_nees: float  # of that mode, per degree of freedom
     mode_inside: float  # share of its sources whose 95 % ellipse holds the truth
@@ -128,15 +133,14 @@ def judge(case: Case, k_sources: int) -> Judged:
     begun = time.perf_counter()
     result = estimate(case.flight, case.medium, k_sources)
     seconds = time.perf_counter() - begun
-    best, basin = truth_fit(case), truth_fit(case, plausible=True)
+    best, basin = truth_fit(case), truth_basin(case)
     cost = float(result.residual @ result.residual)
-    listed = False
     modes = [result, *result.alternatives]
-    for mode in modes:
-        listed |= _in_basin(mode, basin)
+    listed = [i for i, mode in enumerate(modes) if _in_basin(mode, basin)]
     errors = [_error(mode, case.position_m) for mode in modes]
     nearest = int(np.nanargmin(errors)) if np.isfinite(errors).any() else 0
-    mode = modes[nearest]
+    own = min(listed, key=lambda i: _error(modes[i], basin.state.s), default=nearest)
+    mode = modes[own]
     squares = (
         _squares(mode, case.position_m) if np.isfinite(mode.sources.position_m).all() else np.full(k_sources, np.nan)
     )
@@ -144,9 +148,10 @@ def judge(case: Case, k_sources: int) -> Judged:
         estimate=result,
         seconds=seconds,
         found=cost <= best.cost * (1.0 + 1e-4),
-        truth_listed=listed,
+        truth_listed=bool(listed),
         error_m=errors[0],
-        mode_error_m=errors[nearest],
+        bound_m=bound_at_truth(case),
+        mode_error_m=errors[own],
         mode_bound_m=float(np.sqrt(np.trace(mode.position_covariance_m2, axis1=1, axis2=2).mean())),
         mode_nees=float(squares.mean()) / 2.0,
         mode_inside=float((squares < INSIDE_95).mean()),
@@ -171,12 +176,41 @@ def _in_basin(mode: Estimate, best: fitting.Fit) -> bool:
     return bool((off < np.maximum(SAME_BASIN, 0.5 * unsure)).all())
 
 
-def truth_fit(case: Case, *, plausible: bool = False) -> fitting.Fit:
-    """The joint fit started at the truth; `plausible`: with the estimate's own prior on monstrous sources."""
+def bound_at_truth(case: Case) -> float:
+    """RMS over the sources of what the Cramér–Rao bound allows, at the truth."""
+    step = case.flight.lengths_m[:, None] * np.stack([np.cos(case.heading_rad), np.sin(case.heading_rad)], axis=1)
+    spread2 = case.medium.spread_m**2 if case.medium.spread_m else case.age_s / case.age_s.mean()
+    sources = Sources(case.position_m, case.amplitude, case.amplitude / (np.pi * spread2), -case.age_s)
+    least = bound(
+        np.vstack([np.zeros(2), np.cumsum(step, axis=0)]), sources, case.medium,
+        readings_per_leg=case.flight.legs[0].reading.size, speed_m_s=1.0, noise_sd=case.noise_sd,
+    )  # fmt: skip
+    return float(np.sqrt(np.trace(least.position_covariance_m2, axis1=1, axis2=2).mean()))
+
+
+def truth_fit(case: Case) -> fitting.Fit:
+    """The joint fit started at the truth."""
     prob = posing.problem(case.flight, case.medium)
-    if plausible:
-        peak = PLAUSIBLE_PEAK * float(np.ptp(prob.y))
-        prob = replace(prob, known=posing.Known(peak=(peak, PEAK_LOG_SD / case.noise_sd)))
+    return fitting.fit(prob, _truth(case, prob))
+
+
+def truth_basin(case: Case) -> fitting.Fit:
+    """The fit that small steps from the truth lead to, with the estimate's own prior on monstrous sources."""
+    prob = posing.problem(case.flight, case.medium)
+    peak = PLAUSIBLE_PEAK * float(np.ptp(prob.y))
+    prob = replace(prob, known=posing.Known(peak=(peak, PEAK_LOG_SD / case.noise_sd)))
+    state = _truth(case, prob)
+    at = layout(prob, len(state.s))
+    for _ in range(FLOW_STEPS):
+        residual, jacobian = evaluate(prob, state, at)
+        size = np.linalg.norm(jacobian, axis=0)
+        step = -np.linalg.lstsq(jacobian / size, residual, rcond=1e-6)[0] / size
+        longest = float(np.abs(np.delete(step, np.r_[at.ambient])).max())
+        state = moved(prob, state, min(FLOW_STEP, FLOW_MOST / longest) * step, at)
+    return fitting.fit(prob, state)
+
+
+def _truth(case: Case, prob: posing.Problem) -> State:
     log_spread2 = np.log(case.age_s / case.age_s.mean()) if prob.spreads == "each" else 0.0
     theta = case.heading_rad - case.heading_rad[0]
     start = State.flat(prob, theta, case.position_m, np.log(case.amplitude), log_spread2)
@@ -184,7 +218,7 @@ def truth_fit(case: Case, *, plausible: bool = False) -> fitting.Fit:
         start = replace(start, log_spread2=np.broadcast_to(np.log(prob.spread2), len(case.amplitude)).copy())
     if prob.rate is None:
         start = replace(start, log_rate=float(np.log(1.0 / case.age_s.mean())))
-    return fitting.fit(prob, replace(start, ambient=case.ambient))
+    return replace(start, ambient=case.ambient)
 
 
 def _matching(position: Array, truth: Array) -> list[int]:

@@ -15,6 +15,7 @@ from dslam_mav.dslam.gauge import Placed, in_order, placed
 from dslam_mav.dslam.joint import evaluate, model_of
 from dslam_mav.dslam.priors import Priors, without_scale
 from dslam_mav.dslam.problem import Problem, problem
+from dslam_mav.dslam.profile import second_moment
 from dslam_mav.dslam.state import Layout, State, layout, parameter_names
 from dslam_mav.dslam.units import Units, in_si, normalised, parameter_units
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
@@ -153,6 +154,7 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     k_sources, d = state.s.shape
     at, names = layout(prob, k_sources), parameter_names(prob, k_sources)
     info = bound.information(evaluate(_told_by_readings(prob), state, at)[1], level.variance)
+    covariance = second_moment(prob, state, at, info.covariance, level.variance)
     where = placed(prob, state, at)
     aligned = np.einsum("ab,kbp->kap", where.rotation, bound.aligned_columns(prob, state, at))
     scale = parameter_units(at, unit)
@@ -167,9 +169,9 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
         verdict=Verdict.IDENTIFIED,
         reason="",
         spread_m=float(np.sqrt(np.exp(real.log_spread2.mean()))),
-        position_covariance_m2=bound.blocks(where.source_columns, info.covariance) * unit.length**2,
-        path_aligned_covariance_m2=bound.blocks(aligned, info.covariance) * unit.length**2,
-        parameter_covariance=info.covariance * np.outer(scale, scale),
+        position_covariance_m2=bound.blocks(where.source_columns, covariance) * unit.length**2,
+        path_aligned_covariance_m2=bound.blocks(aligned, covariance) * unit.length**2,
+        parameter_covariance=covariance * np.outer(scale, scale),
         parameter_names=names,
         noise_sd=level.sd * unit.reading,
         log_likelihood=_log_likelihood(f.cost + prob.outside, prob.n_readings, level, unit.reading),

@@ -1,7 +1,8 @@
 """Fisher information of the joint model: how well anything can be known (theory, section 9).
 
-F = JᵀJ/σ² in the canonical gauge; F⁻¹ is the Cramér–Rao bound, reported as the covariance of every estimate. Its
-near-null directions say what the readings cannot see. Local: other minima are the search's to find.
+F = JᵀJ/σ² in the canonical gauge; F⁻¹ is the Cramér–Rao bound, reported as the covariance of every estimate, and
+widened where the model bends within it (profile.py). Its near-null directions say what the readings cannot see. Local:
+other minima are the search's to find.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ MARGIN_SPREADS = 4.0  # a centre may lie this far beyond either end of a leg
 BASIS_STEP_SPREADS = 0.4
 TABLE_STEP_SPREADS = 0.05  # cubic Hermite between nodes: error below 3e-7
 BASIS_TOLERANCE = 1e-6
+SAME = 1e-9  # far below what a basis is exact to
 RELATIVE_NOISE_FLOOR = 1e-6  # of the readings' rms: below it the tables' own error rules
 
 
@@ -97,10 +98,11 @@ def compress(
     bases: list[Array] = []
     parts: list[tuple[Array, Array, Array]] = []
     energy_out, dof_out, square = 0.0, 0, 0.0
-    for leg in legs:
-        coarse = nodes[:: round(BASIS_STEP_SPREADS / TABLE_STEP_SPREADS)]
-        basis = basis_of(curves(leg, coarse, reference2, ambient_unknown)[0])
-        value, slope = curves(leg, nodes, reference2, ambient_unknown)
+    coarse = nodes[:: round(BASIS_STEP_SPREADS / TABLE_STEP_SPREADS)]
+    for j, leg in enumerate(legs):
+        if j == 0 or not _alike(leg, legs[j - 1]):  # legs read alike span the same
+            basis = basis_of(curves(leg, coarse, reference2, ambient_unknown)[0])
+            value, slope = (basis.T @ part for part in curves(leg, nodes, reference2, ambient_unknown))
         reading = leg.reading - leg.reading.mean() if ambient_unknown else leg.reading
         z = basis.T @ reading
         left = reading - basis @ z
@@ -108,7 +110,7 @@ def compress(
         square += float(reading @ reading)
         dof_out += max(reading.size - basis.shape[1] - int(ambient_unknown), 0)
         bases.append(basis)
-        parts.append((z, basis.T @ value, basis.T @ slope))
+        parts.append((z, value, slope))
     count = sum(leg.reading.size for leg in legs)
     floor = RELATIVE_NOISE_FLOOR * float(np.sqrt(square / max(count, 1))) + 1e-300
     if sigma is None:
@@ -132,6 +134,14 @@ def compress(
     )
     products = _products(legs, scale, sigma, (z_all**2).sum(axis=1), ambient_unknown)
     return Compressed(tables, products, scale, sigma, rank, energy_out, dof_out)
+
+
+def _alike(a: Samples, b: Samples) -> bool:
+    """Whether two legs are read at the same distances, with the same C."""
+    if a.distance.size != b.distance.size:
+        return False
+    off = np.abs(a.distance - b.distance).max(initial=0.0)
+    return bool(off <= SAME * a.length) and np.allclose(a.spread2, b.spread2, rtol=SAME, atol=0.0)
 
 
 def _products(legs: Sequence[Samples], scale: float, sigma: float, energy: Array, centred: bool) -> Products:

@@ -4,35 +4,50 @@ maximum-likelihood estimate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from dslam_mav.dslam.joint import evaluate, residual_of
+from dslam_mav.dslam.joint import evaluate, model_of, residual_of
+from dslam_mav.dslam.kernels.plain_fit import Damping, plain_fit
+from dslam_mav.dslam.kernels.plain_model import Flown
+from dslam_mav.dslam.newton import newton
 from dslam_mav.dslam.problem import Problem
-from dslam_mav.dslam.state import Layout, State, layout, moved
+from dslam_mav.dslam.state import (
+    MAX_STEP_LOG,
+    MAX_STEP_RAD,
+    MAX_STEP_SPREADS,
+    Layout,
+    State,
+    layout,
+    medium_map,
+    moved,
+)
 
 Array = NDArray[np.float64]
 
-MAX_ITERATIONS = 100
+MAX_ITERATIONS = 50  # then Newton's steps
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING = 1e-12
 MOST_DAMPING = 1e8
 PROBE = 0.1  # of a step: where the residual's second derivative is taken
 MOST_BEND = 0.75  # acceleration over velocity, as in the paper
 CONVERGED_GAIN = 1e-5  # in χ²: far below what a reading's noise can tell
+DAMPING = Damping(
+    FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING, PROBE, MOST_BEND, CONVERGED_GAIN,
+    MAX_STEP_RAD, MAX_STEP_SPREADS, MAX_STEP_LOG,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """A minimum: the state, its residual (model − measured, readings only), cost, Jacobian (rows of priors last)."""
+    """A minimum: the state, its residual (model − measured, readings only), and cost."""
 
     state: State
     residual: Array
     cost: float
-    jacobian: Array
     converged: bool
 
 
@@ -43,6 +58,16 @@ def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit
     step therefore carries its second-order correction, from one more residual (geodesic acceleration; Transtrum and
     Sethna, "Improvements to the Levenberg-Marquardt algorithm", arXiv:1201.5885).
     """
+    f = _compiled(prob, start, iterations) if _plain(prob) else _general(prob, start, iterations)
+    if f.converged or iterations < MAX_ITERATIONS or not np.isfinite(f.cost):
+        return f
+    state, converged = newton(prob, f.state, CONVERGED_GAIN * (f.cost + prob.outside) / prob.n_readings)
+    residual = residual_of(prob, state)
+    return Fit(state, residual[: prob.y.size], float(residual @ residual), converged)
+
+
+def _general(prob: Problem, start: State, iterations: int) -> Fit:
+    """For every unknown and prior there is."""
     at = layout(prob, len(start.s))
     state = start
     residual, jacobian = evaluate(prob, state, at)
@@ -67,7 +92,7 @@ def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit
         if damping > MOST_DAMPING:
             converged = True
             break
-    return Fit(state, residual[: prob.y.size], cost, jacobian, converged)
+    return Fit(state, residual[: prob.y.size], cost, converged)
 
 
 def _accelerated_step(
@@ -92,3 +117,36 @@ def _accelerated_step(
     if 2.0 * np.linalg.norm(acceleration) > MOST_BEND * np.linalg.norm(velocity):
         return None
     return np.asarray((velocity + 0.5 * acceleration) / size)
+
+
+def _plain(prob: Problem) -> bool:
+    """Whether the compiled fit knows every unknown and every row of the problem."""
+    known = prob.known
+    on_path = (known.heading, known.closed_sd, known.points, known.length_sd)
+    legs_in_plane = prob.basis is None and prob.dimensions == 2 and prob.mix is None
+    medium_simple = prob.lag == 0.0 and prob.extent is not None
+    return legs_in_plane and medium_simple and all(prior is None for prior in on_path)
+
+
+def _compiled(prob: Problem, start: State, iterations: int) -> Fit:
+    base = np.append(start.log_spread2, start.log_rate)
+    peak, peak_sd = prob.known.peak or (1.0, np.inf)
+    oldest, age_sd = prob.known.age or (1.0, np.inf)
+    flown = Flown(
+        prob.s, prob.t, prob.y, prob.leg, prob.length, np.ascontiguousarray(medium_map(prob, len(start.s))),
+        prob.ambient or 0.0, prob.ambient is None, start.extent, prob.outside, prob.n_readings,
+        (float(np.log(peak)), 1.0 / peak_sd), (float(np.log(oldest)), 1.0 / age_sd),
+    )  # fmt: skip
+    level = np.array([start.ambient] if flown.ambient_free else [])
+    still = np.zeros(flown.medium.shape[1])
+    x = np.concatenate([start.theta[1:], start.s.ravel(), start.log_amplitude, still, level])
+    cost, converged = plain_fit(flown, DAMPING, base, x, iterations)
+    n_turns, k_sources = start.theta.size - 1, len(start.s)
+    theta, s, log_amplitude, by_medium, level = np.split(x, np.cumsum([n_turns, 2 * k_sources, k_sources, still.size]))
+    logs = base + np.where(flown.medium != 0.0, flown.medium * by_medium, 0.0).sum(axis=1)
+    state = replace(
+        start, theta=np.append(0.0, theta), s=s.reshape(-1, 2), log_amplitude=log_amplitude,
+        log_spread2=logs[:-1], log_rate=float(logs[-1]),
+        ambient=float(level[0]) if flown.ambient_free else start.ambient,
+    )  # fmt: skip
+    return Fit(state, model_of(prob, state) - prob.y, cost, converged)

@@ -83,9 +83,10 @@ class Estimate:
     """Sources and path as the readings tell them, how surely, and what else they allow.
 
     `position_covariance_m2` (K, d, d) has the gauge fixed by the first leg, `path_aligned_covariance_m2` by the whole
-    path. `residual` is measured − model for all readings in leg order. `alternatives` are the other solutions within
-    2·Δ log-likelihood < 9, most likely first. For NOT_IDENTIFIABLE, NOT_CONVERGED and TOO_FEW_DATA positions are NaN.
-    `reason` is one sentence that says why the verdict is what it is; `spread_m` is √C at the first reading.
+    path; where the model bends both are wider than the Cramér–Rao bound. `residual` is measured − model for all
+    readings in leg order. `alternatives` are the other solutions within 2·Δ log-likelihood < 9, most likely first. For
+    NOT_IDENTIFIABLE, NOT_CONVERGED and TOO_FEW_DATA positions are NaN. `reason` is one sentence that says why the
+    verdict is what it is; `spread_m` is √C at the first reading.
     """
 
     sources: Sources

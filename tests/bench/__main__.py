@@ -36,7 +36,7 @@ def main() -> int:
     print(
         f"{options.scenes} random scenes a row; lengths in √C; efficiency, coverage of 95 % ellipses and √NEES of the"
     )
-    print(f"truth's mode where its bound is < {SHARP_SPREADS}; wrong: IDENTIFIED with the truth off by more than 5 sd")
+    print(f"truth's mode where the bound is < {SHARP_SPREADS}; wrong: IDENTIFIED with the truth off by over 5 sd")
     print("K  dB  found  truth   error         effi-   √NEES  cover-  wrong  s median (95 %)  verdicts, row")
     print("              listed  med / 90 %    ciency         age")
     for row in ROWS:
@@ -53,8 +53,8 @@ def main() -> int:
 
 def _line(row: Row, judged: list[Judged]) -> str:
     error = np.array([r.error_m for r in judged])
-    sharp = [r for r in judged if r.mode_bound_m < SHARP_SPREADS]
-    efficiency = np.sqrt(np.mean([(r.mode_error_m / r.mode_bound_m) ** 2 for r in sharp]))
+    sharp = [r for r in judged if r.bound_m < SHARP_SPREADS and np.isfinite(r.mode_error_m)]
+    efficiency = np.sqrt(np.mean([(r.mode_error_m / r.bound_m) ** 2 for r in sharp]))
     nees = np.sqrt(np.mean([r.mode_nees for r in sharp]))
     inside = np.mean([r.mode_inside for r in sharp])
     seconds = [r.seconds for r in judged]

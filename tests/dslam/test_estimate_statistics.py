@@ -17,7 +17,7 @@ def test_on_a_star_with_known_spread(k_sources, snr_db):
     # 97 % of many scenes is asked for; a fair estimator misses more than 4 of 40 once in a thousand runs
     assert np.mean([j.found for j in judged]) >= 0.9
     assert np.mean([j.truth_listed for j in judged]) >= 0.85
-    sharp = [j for j in judged if j.mode_bound_m < 0.3]
+    sharp = [j for j in judged if j.bound_m < 0.3]
     assert len(sharp) >= SCENES // 2
     assert 0.75 < np.sqrt(np.mean([j.mode_nees for j in sharp])) < 1.6
     median = np.nanmedian([j.error_m for j in judged])

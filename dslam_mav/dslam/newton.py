@@ -1,0 +1,70 @@
+"""Newton's steps where Levenberg and Marquardt's crawl.
+
+Their matrix JᵀJ leaves out what the residual's own second derivatives add to the cost's, Σ r ∂²r. Where a leg hardly
+sees anything that part is as large as the rest, and a fit would need hundreds of iterations. The gradient Jᵀr is
+exact, and its differences are the whole Hessian.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.joint import evaluate, residual_of
+from dslam_mav.dslam.problem import Problem
+from dslam_mav.dslam.state import Layout, State, layout, moved
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 30
+DIFFERENCE = 1e-5  # of what changes the readings as much as they vary: the gradient's differences are across twice that
+FLATTEST = 1e-6  # of the steepest curvature
+FIRST_DAMPING = 1e-6
+MOST_DAMPING = 1e4
+
+
+def hessian(prob: Problem, state: State, at: Layout, size: Array) -> Array:
+    """(P, P) second derivatives of half the cost, every parameter counted in units of 1/size."""
+    columns = []
+    difference = DIFFERENCE * float(np.linalg.norm(prob.y - prob.y.mean()))
+    for p in range(at.size):
+        step = np.zeros(at.size)
+        step[p] = difference / size[p]
+        ahead, behind = (_gradient(*evaluate(prob, moved(prob, state, way * step, at), at)) for way in (1.0, -1.0))
+        columns.append((ahead - behind) / (2.0 * difference * size))
+    rows = np.array(columns)
+    return 0.5 * (rows + rows.T)
+
+
+def newton(prob: Problem, state: State, gain: float) -> tuple[State, bool]:
+    """The minimum that `state` lies near, and whether steps came to gain less than `gain` of the cost."""
+    at = layout(prob, len(state.s))
+    residual, jacobian = evaluate(prob, state, at)
+    cost, damping = float(residual @ residual), FIRST_DAMPING
+    for _ in range(ITERATIONS):
+        size = np.linalg.norm(jacobian, axis=0)
+        size[size == 0.0] = 1.0
+        slope = _gradient(residual, jacobian) / size
+        values, vectors = np.linalg.eigh(hessian(prob, state, at, size))
+        least = FLATTEST * np.abs(values).max()
+        while damping < MOST_DAMPING:
+            curvature = np.maximum(np.abs(values), least) + damping
+            step = -(vectors @ ((vectors.T @ slope) / curvature)) / size
+            trial = moved(prob, state, step, at)
+            off = residual_of(prob, trial, at)
+            if float(off @ off) <= cost:
+                break
+            damping = max(10.0 * damping, FIRST_DAMPING)
+        else:
+            return state, True
+        state, before = trial, cost
+        damping *= 0.1
+        residual, jacobian = evaluate(prob, state, at)
+        cost = float(residual @ residual)
+        if before - cost <= gain:
+            return state, True
+    return state, False
+
+
+def _gradient(residual: Array, jacobian: Array) -> Array:
+    return jacobian.T @ residual
