@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,26 +20,29 @@ from scipy.optimize import minimize
 
 from dslam_mav.dslam.expected import Sensing, log_errors
 from dslam_mav.dslam.layouts import Layouts, Prior, drawn
+from dslam_mav.dslam.outlook import outlook
 from missions.fence import Fence
 from missions.patterns import centred, star
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+_Found = tuple[float, Array]
 
 MISJUDGED = 1.5  # √C, either way
 TURN_OFF_RAD = math.radians(5.0)
-ROUGHLY, TRAINING, CHOOSING = 48, 120, 240  # layouts: in the end at least 90, or a plan fits them and no others
+ROUGHLY, TRAINING, CHOOSING = 90, 180, 480  # layouts: in the end at least 90, or a plan fits them and no others
 POINTS_PER_SPREAD = 5.0
 USUAL_LEG_SPREADS = 4.48
 USUAL_TURN_RAD = math.radians(146.0)
-STARTS = 9
-FINALISTS = 3
-ROUGH_STAGES = ((30.0, 20),)
+STARTS = 14
+FINALISTS = 4
+ROUGH_STAGES = ((30.0, 30),)
 FINE_STAGES = ((100.0, 90), (1e3, 20), (1e4, 20), (1e5, 20))
 """How much beyond the fence weighs, in spreads squared, and iterations: every stage pulls harder than the last."""
 FINE_WORTH = 4  # starts, in time
 CHECKS_A_LEG = 24
 MOST_LEGS = 40
+THREADS = 2
 STARS = ((5, 2), (7, 3), (7, 2), (8, 3), (9, 4), (11, 5), (3, 1), (4, 1))
 STAR_HEADINGS = 8
 
@@ -90,24 +95,36 @@ def best_path(
     wish: Wish, prior: Prior, sensing: Sensing, rng: np.random.Generator, progress: Progress | None = None
 ) -> Array | None:
     """(L+1, 2) vertices; None where no path of this length, legs and turns was found within the fence."""
-    tell = progress or (lambda done, total: None)
+    spread_m = prior.usual_spread_m
     roughly, training, choosing = (_score(prior, sensing, count, rng) for count in (ROUGHLY, TRAINING, CHOOSING))
     stars = sorted(_stars(wish, prior), key=choosing.of)
     starts = [*stars[:2], *_starts(wish, prior, rng)]
-    steps, done = len(starts) + FINALISTS * FINE_WORTH, 0
-    rough: list[tuple[float, Array]] = []
-    for first in starts:
-        rough.append(_descend(first, wish, roughly, prior.usual_spread_m, ROUGH_STAGES))
-        done += 1
-        tell(done, steps)
-    rough.sort(key=lambda found: found[0])
-    candidates = list(stars)
-    for _, first in rough[:FINALISTS]:
-        candidates.append(_descend(first, wish, training, prior.usual_spread_m, FINE_STAGES)[1])
-        done += FINE_WORTH
-        tell(done, steps)
+    bar = _Bar(progress, len(starts) + FINALISTS * FINE_WORTH)
+    with ThreadPoolExecutor(THREADS) as pool:  # the kernels let go of the interpreter
+        rough = list(pool.map(lambda path: bar.after(_descend(path, wish, roughly, spread_m, ROUGH_STAGES), 1), starts))
+        rough.sort(key=lambda found: found[0] + choosing.of(found[1]))
+        fine = pool.map(
+            lambda found: bar.after(_descend(found[1], wish, training, spread_m, FINE_STAGES), FINE_WORTH),
+            rough[:FINALISTS],
+        )
+        candidates = [*stars, *(path for _, path in fine)]
     flyable = [path for path in candidates if _may_fly(path, wish)]
     return min(flyable, key=choosing.of) if flyable else None
+
+
+class _Bar:
+    """Counts what is done, from any thread."""
+
+    def __init__(self, tell: Progress | None, steps: int) -> None:
+        self._tell, self._steps, self._done, self._lock = tell, steps, 0, Lock()
+
+    def after(self, found: _Found, worth: int) -> _Found:
+        """Passes on what was found."""
+        with self._lock:
+            self._done += worth
+            if self._tell is not None:
+                self._tell(self._done, self._steps)
+        return found
 
 
 def _score(prior: Prior, sensing: Sensing, count: int, rng: np.random.Generator) -> _Score:
@@ -143,7 +160,8 @@ def _middled(path: Array, prior: Prior) -> Array:
 def _starts(wish: Wish, prior: Prior, rng: np.random.Generator) -> Iterator[Array]:
     """Stretched pentagrams and their like, some legs more or fewer, turned anyhow."""
     usual = _usual_legs(wish, prior)
-    counts = [wish.legs] if wish.legs else [usual, usual + 1, max(usual - 1, 3)]
+    around = [usual, usual + 1, usual + 2] if wish.fence.polygons else [usual, usual + 1]
+    counts = [wish.legs] if wish.legs else [*around, max(usual - 1, 3)]
     low, high = wish.turn_rad
     for i in range(STARTS):
         n_legs = counts[i % len(counts)]
@@ -165,8 +183,8 @@ def _usual_legs(wish: Wish, prior: Prior) -> int:
 
 def _descend(
     first: Array, wish: Wish, score: _Score, spread_m: float, stages: Sequence[tuple[float, int]]
-) -> tuple[float, Array]:
-    """Down from a start; the cost and the path it ends at, which may still lie beyond the fence."""
+) -> _Found:
+    """Down from a start; what the fence still costs and the path it ends at, which may lie beyond it."""
     n_legs, length_m = len(first) - 1, _length(first)
     x = _coordinates(first)
     bounds = _bounds(x, wish, n_legs)
@@ -179,15 +197,15 @@ def _descend(
             value, back = value + weight * beyond, back + weight * by_beyond
         return value, back
 
-    value = np.inf
     for weight, iterations in stages:
         found = minimize(
             cost, x, args=(weight,), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations}
         )
-        x, value = found.x, float(found.fun)
+        x = found.x
         if _may_fly(_path(x, n_legs, length_m), wish):
             break
-    return value, _path(x, n_legs, length_m)
+    left = stages[-1][0] * _beyond(x, n_legs, length_m, wish, spread_m)[0] if wish.fence.polygons else 0.0
+    return left, _path(x, n_legs, length_m)
 
 
 def _may_fly(path: Array, wish: Wish) -> bool:
@@ -257,3 +275,9 @@ def _bounds(x: Array, wish: Wish, n_legs: int) -> list[tuple[float, float]]:
 
 def _length(path: Sequence[Sequence[float]] | Array) -> float:
     return float(np.linalg.norm(np.diff(np.asarray(path), axis=0), axis=1).sum())
+
+
+def best_star_error_m(wish: Wish, prior: Prior, groups: Sequence[Layouts], sensing: Sensing) -> float:
+    """Median RMS source error of the best star of the wanted length; infinite where none may be flown."""
+    errors = [outlook(path, groups, sensing).source.median_m for path in _stars(wish, prior)]
+    return min(errors, default=math.inf)

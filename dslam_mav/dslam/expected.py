@@ -6,6 +6,7 @@ lie closer than a Gaussian needs; and the derivatives of its logarithm by the pa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,10 @@ Array = NDArray[np.float64]
 UNIDENTIFIED_SPREADS = 2.0  # of √C: a source less sure than this is not identified
 POINTS_PER_SPREAD = 10.0  # a sum over Gaussians is exact to rounding from 5 on, but for a leg's ends
 LEAST_POINTS = 4
-RIDGE = 1e-10  # of the scaled information: keeps the gradient finite where nothing is seen
+MOST_POINTS = 4000  # in all: on very long paths the points lie up to half a spread apart
+LONGEST_SPREADS = 2000.0
+MOST_NUMBERS = 4_000_000  # of one batch of information matrices
+SURE_OF = 2.0  # radians of a heading, e-foldings of a strength, √C of a place: so much is known of anything
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +67,24 @@ class Errors:
 
 
 def errors_on(path: ArrayLike, layouts: Layouts, sensing: Sensing) -> Errors:
-    """What the path (L+1, d) leaves to expect of every layout."""
+    """What the path (L+1, d) leaves to expect of every layout; a ValueError where it is over 2000 spreads long."""
     b = np.asarray(path, dtype=np.float64)
+    spreads = float(np.linalg.norm(np.diff(b, axis=0), axis=1).sum() / layouts.spread_m.min())
+    if spreads > LONGEST_SPREADS:
+        raise ValueError(f"the path is {spreads:.0f} √C long: expected at most {LONGEST_SPREADS:.0f}")
+    size = 2 * len(b) + 4 * layouts.k_sources
+    step = max(1, MOST_NUMBERS // size**2)
+    parts = [_errors_on(b, layouts.part(i, i + step), sensing) for i in range(0, len(layouts), step)]
+    return joined(parts)
+
+
+def joined(parts: Sequence[Errors]) -> Errors:
+    """Errors of some layouts, then of others."""
+    columns = ([e.source for e in parts], [e.source_aligned for e in parts], [e.path for e in parts])
+    return Errors(*(np.concatenate(c) for c in columns), np.concatenate([e.path_aligned for e in parts]))
+
+
+def _errors_on(b: Array, layouts: Layouts, sensing: Sensing) -> Errors:
     k, d, at = layouts.k_sources, b.shape[1], _place_start(b, sensing)
     paths = np.broadcast_to(b, (len(layouts), *b.shape)).copy()
     covariance = _inverses(_information(paths, layouts, sensing, POINTS_PER_SPREAD) / sensing.noise_sd**2)
@@ -102,15 +122,18 @@ def log_errors(
 ) -> tuple[Array, Array]:
     """(M,) ln RMS source error of each layout on a path of its own (M, L+1, d), and its derivatives (M, L+1, d).
 
-    A source that is not seen counts as known to two spreads, so that the logarithm stays smooth and bounded.
+    What is not seen counts as known to two spreads, radians or e-foldings: the logarithm stays smooth and bounded.
     """
     k, d, at = layouts.k_sources, paths.shape[2], _place_start(paths[0], sensing)
     place = np.arange(at, at + k * d)
     noise2 = sensing.noise_sd**2
     information = _information(paths, layouts, sensing, points_per_spread)
-    information[:, place, place] += noise2 / (UNIDENTIFIED_SPREADS * layouts.spread_m[:, None]) ** 2
-    diagonal = np.arange(information.shape[1])
-    information[:, diagonal, diagonal] *= 1.0 + RIDGE
+    own = np.arange(information.shape[1])
+    unit = np.ones((len(layouts), own.size))
+    unit[:, place] = layouts.spread_m[:, None]
+    if sensing.ambient_unknown:
+        unit[:, -1] = layouts.peak.max(axis=1)
+    information[:, own, own] += noise2 / (SURE_OF * unit) ** 2
     inverse = np.linalg.inv(information)
     square = np.einsum("mpp->m", inverse[:, place[:, None], place[None, :]])
     value = 0.5 * np.log(noise2 * square / k)
@@ -169,6 +192,7 @@ def _points(
         # the readings themselves, from the leg's start on
         return np.maximum(np.round(length * sensing.readings_per_m), 1).astype(np.int64), 0.0
     per_m = points_per_spread / layouts.spread_m[:, None]
+    per_m = np.minimum(per_m, MOST_POINTS / length.sum(axis=1, keepdims=True))
     return np.maximum(np.ceil(length * per_m), LEAST_POINTS).astype(np.int64), 0.5
 
 

@@ -69,6 +69,12 @@ class Layouts:
     def __len__(self) -> int:
         return len(self.places)
 
+    def part(self, first: int, last: int) -> Layouts:
+        """Some of them."""
+        return Layouts(
+            self.places[first:last], self.peak[first:last], self.spread_m[first:last], self.rate_m2_s[first:last]
+        )
+
     @property
     def k_sources(self) -> int:
         """K."""

@@ -1,0 +1,64 @@
+"""The plan to fly instead of one that sees badly: a star at the same place, about as long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.expected import Sensing
+from dslam_mav.dslam.layouts import Layouts
+from dslam_mav.dslam.outlook import Outlook, outlook
+from missions.patterns import centred, star
+
+Array = NDArray[np.float64]
+
+STARS = {"star5": (5, 2), "star7": (7, 3)}
+ROUNDS = (1, 2, 3)
+WORTH = 1.25  # times better: less is no reason to fly another plan
+
+
+@dataclass(frozen=True, slots=True)
+class Instead:
+    """A named pattern, its legs, where its middle lies, and what it sees."""
+
+    pattern: str
+    leg_m: float
+    legs: int
+    first_heading_rad: float
+    centre_m: tuple[float, float]
+    seen: Outlook
+
+
+def nearest_that_sees(
+    path: Array, seen: Outlook, groups: Sequence[Layouts], sensing: Sensing, centre_m: tuple[float, float]
+) -> Instead | None:
+    """Of stars as long as the path (L+1, d) about `centre_m`, its first leg kept, the one that sees best; None where
+    none sees clearly better.
+    """
+    step = np.diff(path[:, :2], axis=0)
+    length_m = float(np.linalg.norm(step, axis=1).sum())
+    heading = float(math.atan2(step[0, 1], step[0, 0]))
+    found: list[Instead] = []
+    for name, (n, k) in STARS.items():
+        for rounds in ROUNDS:
+            leg_m, legs = float(f"{length_m / (n * rounds):.3g}"), n * rounds
+            flown = centred(star(n, k, leg_m, legs, heading), centre_m)
+            if path.shape[1] == 3:
+                flown = climbing(flown, path)
+            found.append(Instead(name, leg_m, legs, heading, centre_m, outlook(flown, groups, sensing)))
+    best = min(found, key=lambda one: (one.seen.source.median_m, one.seen.unidentifiable_share))
+    if not math.isfinite(best.seen.source.median_m):
+        return None
+    blinder = best.seen.unidentifiable_share > seen.unidentifiable_share
+    return None if blinder or seen.source.median_m < WORTH * best.seen.source.median_m else best
+
+
+def climbing(flat: Array, path: Array) -> Array:
+    """The flat path (L+1, 2) going up and down between the lowest and the highest of `path` (V, 3)."""
+    up = np.arange(len(flat)) % 2
+    height = path[:, 2].min() + up * np.ptp(path[:, 2])
+    return np.column_stack([flat, height])
