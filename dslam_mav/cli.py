@@ -17,7 +17,7 @@ from types import FrameType
 from typing import NoReturn
 
 from dslam_mav.commands import options as shared
-from dslam_mav.commands.options import COUNT, NOT_NEGATIVE, POSITIVE, SEED
+from dslam_mav.commands.options import COUNT, POSITIVE, SEED
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
 from dslam_mav.errors import BadInputError, DslamError

@@ -21,6 +21,7 @@ from scipy.optimize import minimize
 from dslam_mav.dslam.expected import Sensing, log_errors
 from dslam_mav.dslam.layouts import Layouts, Prior, drawn
 from dslam_mav.dslam.outlook import outlook
+from missions.course import beyond, chained, coordinates, length_of, parts, path_of
 from missions.fence import Fence
 from missions.patterns import centred, star
 
@@ -40,7 +41,7 @@ ROUGH_STAGES = ((30.0, 30),)
 FINE_STAGES = ((100.0, 90), (1e3, 20), (1e4, 20), (1e5, 20))
 """How much beyond the fence weighs, in spreads squared, and iterations: every stage pulls harder than the last."""
 FINE_WORTH = 4  # starts, in time
-CHECKS_A_LEG = 24
+NO_FENCE = Fence()
 MOST_LEGS = 40
 THREADS = 2
 STARS = ((5, 2), (7, 3), (7, 2), (8, 3), (9, 4), (11, 5), (3, 1), (4, 1))
@@ -55,7 +56,7 @@ class Wish:
 
     length_m: float
     legs: int | None = None
-    fence: Fence = Fence()
+    fence: Fence = NO_FENCE
     margin_m: float = 0.0
     turn_rad: tuple[float, float] = (0.0, math.pi)
     least_leg_m: float = 0.1
@@ -71,13 +72,13 @@ class _Score:
 
     def of(self, path: Array) -> float:
         """Without derivatives."""
-        x = _coordinates(path)
-        return self.with_gradient(x, len(path) - 1, _length(path), gradient=False)[0]
+        x = coordinates(path)
+        return self.with_gradient(x, len(path) - 1, length_of(path), gradient=False)[0]
 
     def with_gradient(self, x: Array, n_legs: int, length_m: float, gradient: bool = True) -> tuple[float, Array]:
-        """By `_path`'s coordinates."""
+        """By `path_of`'s coordinates."""
         total, count, back = 0.0, 0, np.zeros_like(x)
-        start, theta0, turn, share = _parts(x, n_legs)
+        start, theta0, turn, share = parts(x, n_legs)
         lengths = length_m * share
         for group, off in zip(self.groups, self.turn_off, strict=True):
             theta = theta0 + np.hstack([np.zeros((len(group), 1)), np.cumsum(turn + off[:, : n_legs - 1], axis=1)])
@@ -87,7 +88,7 @@ class _Score:
             total += float(value.sum())
             count += len(group)
             if gradient:
-                back += _chained(moves, along, lengths, share)
+                back += chained(moves, along, lengths, share)
         return total / count, back / count
 
 
@@ -169,7 +170,7 @@ def _starts(wish: Wish, prior: Prior, rng: np.random.Generator) -> Iterator[Arra
         if i >= 2 * len(counts):  # and some that turn to both sides
             turn = turn * np.where(rng.random(n_legs - 1) < 0.25, -1.0, 1.0)
         x = np.concatenate([[0.0, 0.0, 2.0 * math.pi * rng.random()], turn, 0.05 * rng.standard_normal(n_legs)])
-        yield _middled(_path(x, n_legs, wish.length_m), prior)
+        yield _middled(path_of(x, n_legs, wish.length_m), prior)
 
 
 def _usual_legs(wish: Wish, prior: Prior) -> int:
@@ -181,20 +182,18 @@ def _usual_legs(wish: Wish, prior: Prior) -> int:
     return int(np.clip(round(wish.length_m / leg), 4, MOST_LEGS // 2))
 
 
-def _descend(
-    first: Array, wish: Wish, score: _Score, spread_m: float, stages: Sequence[tuple[float, int]]
-) -> _Found:
+def _descend(first: Array, wish: Wish, score: _Score, spread_m: float, stages: Sequence[tuple[float, int]]) -> _Found:
     """Down from a start; what the fence still costs and the path it ends at, which may lie beyond it."""
-    n_legs, length_m = len(first) - 1, _length(first)
-    x = _coordinates(first)
+    n_legs, length_m = len(first) - 1, length_of(first)
+    x = coordinates(first)
     bounds = _bounds(x, wish, n_legs)
     x = np.array([np.clip(value, *limits) for value, limits in zip(x, bounds, strict=True)])
 
     def cost(x: Array, weight: float) -> tuple[float, Array]:
         value, back = score.with_gradient(x, n_legs, length_m)
         if wish.fence.polygons:
-            beyond, by_beyond = _beyond(x, n_legs, length_m, wish, spread_m)
-            value, back = value + weight * beyond, back + weight * by_beyond
+            outside, by_outside = beyond(x, n_legs, length_m, wish.fence, wish.margin_m, spread_m)
+            value, back = value + weight * outside, back + weight * by_outside
         return value, back
 
     for weight, iterations in stages:
@@ -202,66 +201,16 @@ def _descend(
             cost, x, args=(weight,), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations}
         )
         x = found.x
-        if _may_fly(_path(x, n_legs, length_m), wish):
+        if _may_fly(path_of(x, n_legs, length_m), wish):
             break
-    left = stages[-1][0] * _beyond(x, n_legs, length_m, wish, spread_m)[0] if wish.fence.polygons else 0.0
-    return left, _path(x, n_legs, length_m)
+    fenced = (x, n_legs, length_m, wish.fence, wish.margin_m, spread_m)
+    left = stages[-1][0] * beyond(*fenced)[0] if wish.fence.polygons else 0.0
+    return left, path_of(x, n_legs, length_m)
 
 
 def _may_fly(path: Array, wish: Wish) -> bool:
     shortest_m = np.linalg.norm(np.diff(path, axis=0), axis=1).min()
     return bool(shortest_m >= wish.least_leg_m) and wish.fence.lets_pass(path, wish.margin_m)
-
-
-def _beyond(x: Array, n_legs: int, length_m: float, wish: Wish, spread_m: float) -> tuple[float, Array]:
-    """How far the path lies beyond the fence, squared and summed along it, and its derivatives."""
-    start, theta0, turn, share = _parts(x, n_legs)
-    lengths = length_m * share
-    theta = theta0 + np.concatenate([[0.0], np.cumsum(turn)])
-    along = np.column_stack([np.cos(theta), np.sin(theta)])
-    path = start + np.vstack([np.zeros(2), np.cumsum(lengths[:, None] * along, axis=0)])
-    u = np.linspace(0.0, 1.0, CHECKS_A_LEG)
-    points = path[:-1, None] + u[None, :, None] * np.diff(path, axis=0)[:, None]
-    clear, way = wish.fence.clearance(points.reshape(-1, 2))
-    # a hundredth of a spread inside, so that what a penalty leaves over is inside as well
-    short = np.minimum(clear - wish.margin_m - 0.01 * spread_m, 0.0) / spread_m
-    by_point = (2.0 * short[:, None] * way / spread_m).reshape(n_legs, CHECKS_A_LEG, 2) / CHECKS_A_LEG
-    moves = np.zeros_like(path)
-    moves[:-1] += ((1.0 - u)[None, :, None] * by_point).sum(axis=1)
-    moves[1:] += (u[None, :, None] * by_point).sum(axis=1)
-    return float((short**2).sum()) / CHECKS_A_LEG, _chained(moves[None], along[None], lengths, share)
-
-
-def _parts(x: Array, n_legs: int) -> tuple[Array, float, Array, Array]:
-    """Start (2,), first heading, turns (L−1,), and each leg's share (L,) of the total: softmax of the rest."""
-    weight = np.exp(x[n_legs + 2 :] - x[n_legs + 2 :].max())
-    return x[:2], float(x[2]), x[3 : n_legs + 2], weight / weight.sum()
-
-
-def _path(x: Array, n_legs: int, length_m: float) -> Array:
-    start, theta0, turn, share = _parts(x, n_legs)
-    theta = theta0 + np.concatenate([[0.0], np.cumsum(turn)])
-    steps = (length_m * share)[:, None] * np.column_stack([np.cos(theta), np.sin(theta)])
-    return np.asarray(start + np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]))
-
-
-def _coordinates(path: Array) -> Array:
-    """What `_path` makes the path of."""
-    step = np.diff(path, axis=0)
-    theta = np.arctan2(step[:, 1], step[:, 0])
-    turn = (np.diff(theta) + math.pi) % (2.0 * math.pi) - math.pi
-    return np.concatenate([path[0], theta[:1], turn, np.log(np.linalg.norm(step, axis=1))])
-
-
-def _chained(moves: Array, along: Array, lengths: Array, share: Array) -> Array:
-    """From derivatives by the vertices (M, L+1, 2) to those by `_path`'s coordinates, summed over M."""
-    by_step = np.flip(np.cumsum(np.flip(moves, axis=1), axis=1), axis=1)[:, 1:]
-    sideways = along[..., 0] * by_step[..., 1] - along[..., 1] * by_step[..., 0]
-    by_theta = lengths * sideways
-    by_turn = np.flip(np.cumsum(np.flip(by_theta, axis=1), axis=1), axis=1)
-    by_length = (along * by_step).sum(axis=(0, 2)) * lengths.sum()
-    by_log = share * (by_length - share @ by_length)
-    return np.concatenate([moves.sum(axis=(0, 1)), by_turn.sum(axis=0), by_log])
 
 
 def _bounds(x: Array, wish: Wish, n_legs: int) -> list[tuple[float, float]]:
@@ -271,10 +220,6 @@ def _bounds(x: Array, wish: Wish, n_legs: int) -> list[tuple[float, float]]:
     middle = float(x[n_legs + 2 :].mean())
     free = (-np.inf, np.inf)
     return [free, free, free, *turns, *[(middle - 1.5, middle + 1.5)] * n_legs]
-
-
-def _length(path: Sequence[Sequence[float]] | Array) -> float:
-    return float(np.linalg.norm(np.diff(np.asarray(path), axis=0), axis=1).sum())
 
 
 def best_star_error_m(wish: Wish, prior: Prior, groups: Sequence[Layouts], sensing: Sensing) -> float:

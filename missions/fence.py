@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -128,7 +129,7 @@ def _to_edge(polygon: Array, points: Array) -> tuple[Array, Array]:
 def _gap(path: Array, polygon: Array, margin_m: float) -> float:
     """Least distance between legs and edges: 0 where they meet, else from the corners of one to the other."""
     after = np.roll(polygon, -1, axis=0)
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in pairwise(path):
         if _crossing(a[None], b[None], polygon, after).any():
             return -np.inf
     if margin_m <= 0.0:

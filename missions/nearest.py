@@ -30,6 +30,7 @@ class Instead:
     legs: int
     first_heading_rad: float
     centre_m: tuple[float, float]
+    climb_rad: float
     seen: Outlook
 
 
@@ -47,9 +48,10 @@ def nearest_that_sees(
         for rounds in ROUNDS:
             leg_m, legs = float(f"{length_m / (n * rounds):.3g}"), n * rounds
             flown = centred(star(n, k, leg_m, legs, heading), centre_m)
+            climb = math.atan2(float(np.ptp(path[:, 2])), leg_m) if path.shape[1] == 3 else 0.0
             if path.shape[1] == 3:
                 flown = climbing(flown, path)
-            found.append(Instead(name, leg_m, legs, heading, centre_m, outlook(flown, groups, sensing)))
+            found.append(Instead(name, leg_m, legs, heading, centre_m, climb, outlook(flown, groups, sensing)))
     best = min(found, key=lambda one: (one.seen.source.median_m, one.seen.unidentifiable_share))
     if not math.isfinite(best.seen.source.median_m):
         return None

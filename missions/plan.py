@@ -86,7 +86,8 @@ def plan_mission(vertices_m: ArrayLike, home: Home, profile: Profile | None = No
         raise BadInputError(
             f"vertex {places.index((0, 0))} at 0, 0 degrees: an autopilot reads that as no position, move it"
         )
-    items = [*_start(home, how), *(_waypoint(place, how, float(up)) for place, up in zip(places, higher, strict=True)), *_end(places[-1], how)]
+    waypoints = [_waypoint(place, how, float(up)) for place, up in zip(places, higher, strict=True)]
+    items = [*_start(home, how), *waypoints, *_end(places[-1], how)]
     return with_home_item(Mission(tuple(items), home))
 
 

@@ -18,7 +18,11 @@ from dslam_mav.mission import Mission, has_home_item
 from missions import plan_json, plan_wpl
 from missions.plan_fields import shown
 
-_WRITERS: dict[str, Callable[[Mission], str]] = {".plan": plan_json.text_of, ".waypoints": plan_wpl.text_of, ".txt": plan_wpl.text_of}
+_WRITERS: dict[str, Callable[[Mission], str]] = {
+    ".plan": plan_json.text_of,
+    ".waypoints": plan_wpl.text_of,
+    ".txt": plan_wpl.text_of,
+}
 _LARGEST_BYTES = 64 * 2**20
 
 

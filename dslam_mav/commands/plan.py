@@ -4,64 +4,31 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dslam_mav.commands.plan_making import Planned, find_plan
 from dslam_mav.commands.plan_prior import expectation
 from dslam_mav.commands.screen import Screen
-from dslam_mav.commands.vehicle import parse_home
 from dslam_mav.errors import BadInputError
-from dslam_mav.mission import CMD_CHANGE_SPEED, Home, Mission, home_of, leg_plan
+from dslam_mav.mission import leg_plan
 from dslam_mav.records.arrays import Array
-from missions.fence import Fence
-from missions.patterns import PATTERN_NAMES, pattern
-from missions.plan import Profile, plan_mission
-from missions.plan_fence import GeoFence, read_fence
-from missions.plan_file import read_plan, write_plan
-from sim_bridge.vehicle import DEFAULT_HOME
+from missions.plan_file import write_plan
 
 if TYPE_CHECKING:
     from dslam_mav.commands.plan_prior import Expectation
     from dslam_mav.commands.plan_simulate import Simulated
-    from dslam_mav.dslam.layouts import Prior
     from dslam_mav.dslam.outlook import Outlook
 
-BEST = "best"
-DEFAULTS = {
-    "pattern": "star7",
-    "leg": 32.0,
-    "first_heading": 0.0,
-    "altitude": 20.0,
-    "speed": 5.0,
-    "hold": 0.0,
-}
-READ_ONLY = ("legs", "home", "centre", "climb", "length", "margin", "turn")
-MAKING = tuple(name for name in (*DEFAULTS, *READ_ONLY) if name != "speed")
-"""Options of a mission that is made; with a FILE none of them says anything."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Planned:
-    """A mission, what it is called, its speed, its fence in metres and as its file has it, its home if that is not the
-    usual one, and the sources it was made for.
-    """
-
-    mission: Mission
-    name: str
-    speed_m_s: float
-    fence: Fence | None = None
-    raw_fence: dict[str, Any] | None = None
-    home: str | None = None
-    prior: Prior | None = None
+MUCH_LONGER = 30.0  # times: no advice
 
 
 def run(options: Namespace) -> int:
     """Write the plan and say what it is."""
     screen = Screen(json_only=options.json)
-    planned = _planned(options, screen)
+    planned = find_plan(options, screen)
     path = _path(planned, options)
     legs = np.diff(path, axis=0)
     lengths_m = np.linalg.norm(legs, axis=1)
@@ -107,7 +74,7 @@ def _seen(path: Array, expected: Expectation) -> Outlook:
         raise BadInputError(f"--spread: {problem}") from None
 
 
-def _judge(screen: Screen, planned: _Planned, path: Array, seen: Outlook, expected: Expectation) -> dict[str, Any]:
+def _judge(screen: Screen, planned: Planned, path: Array, seen: Outlook, expected: Expectation) -> dict[str, Any]:
     """Say figures and verdict; of a poor plan why, and what to fly instead."""
     from dslam_mav.commands.plan_words import instead_json, predicted, verdict, warning
     from dslam_mav.dslam.outlook import reason
@@ -140,7 +107,9 @@ def _reach(options: Namespace, seen: Outlook, length_m: float) -> None:
     sees = seen.source.median_m
     told = "cannot place the sources at all"
     if math.isfinite(sees):
-        told = f"sees to {sees:.2g} m in the median; about {length_m * (sees / options.target_sd) ** 2:.0f} m would"
+        longer = (sees / options.target_sd) ** 2
+        told = f"sees to {sees:.2g} m in the median"
+        told += f"; about {longer * length_m:.0f} m would" if longer < MUCH_LONGER else ""
     raise BadInputError(f"--target-sd {options.target_sd:g}: out of reach: a mission of {length_m:.0f} m {told}")
 
 
@@ -155,7 +124,7 @@ def _tell_legs(screen: Screen, name: str, legs: Array, lengths_m: Array) -> None
         screen.say(f"  leg {j + 1}: {leg_m:.2f} m{rise}{turn(turns[j]) if j < len(turns) else ''}")
 
 
-def _path(planned: _Planned, options: Namespace) -> Array:
+def _path(planned: Planned, options: Namespace) -> Array:
     """(L+1, 2 or 3) vertices; heights where the estimator is to count with them."""
     legs = leg_plan(planned.mission)
     if len(legs.lengths_m) < 1:
@@ -164,93 +133,3 @@ def _path(planned: _Planned, options: Namespace) -> Array:
         return legs.vertices_m
     heights = np.array([planned.mission.items[q].z for q in legs.sequence])
     return np.column_stack([legs.vertices_m, heights - heights.min()])
-
-
-def _planned(options: Namespace, screen: Screen) -> _Planned:
-    """The plan read or made, and its name."""
-    geofence = read_fence(options.fence) if options.fence else None
-    given = [name for name in MAKING if getattr(options, name) is not None]
-    if options.plan and given:
-        raise BadInputError(
-            f"--{given[0].replace('_', '-')} with {options.plan}: expected one of them: a plan is made or read"
-        )
-    if options.plan:
-        return _read(options, geofence, screen)
-    options.given_first_heading, options.given_climb = options.first_heading is not None, options.climb is not None
-    return _make(options, geofence, screen)
-
-
-def _read(options: Namespace, geofence: GeoFence | None, screen: Screen) -> _Planned:
-    file = read_plan(Path(options.plan))
-    for note in file.notes:
-        screen.warn(note)
-    home = home_of(file.mission)
-    speeds = [i.params[1] for i in file.mission.items if i.command == CMD_CHANGE_SPEED and i.params[1] > 0.0]
-    return _Planned(
-        file.mission,
-        Path(options.plan).name,
-        options.speed or (float(speeds[0]) if speeds else DEFAULTS["speed"]),  # type: ignore[arg-type]
-        geofence.around(home) if geofence and home else None,
-        home=f"{home.latitude_deg:.7f},{home.longitude_deg:.7f}" if home else None,
-    )
-
-
-def _make(options: Namespace, geofence: GeoFence | None, screen: Screen) -> _Planned:
-    from dslam_mav.commands.plan_best import ALONE, best
-
-    if options.pattern != BEST:
-        for name in ALONE:
-            if getattr(options, name) is not None:
-                raise BadInputError(f"--{name}: expected with --pattern {BEST} only")
-    leg = options.leg
-    for name, value in DEFAULTS.items():
-        if getattr(options, name) is None:
-            setattr(options, name, value)
-    if options.pattern not in (BEST, *PATTERN_NAMES):
-        raise BadInputError(f"pattern {options.pattern!r}: expected one of {', '.join((*PATTERN_NAMES, BEST))}")
-    profile = Profile(altitude_m=options.altitude, speed_m_s=options.speed, hold_s=options.hold)
-    home = _home(options, geofence)
-    fence = geofence.around(home) if geofence else None
-    centre = _pair(options.centre, "--centre") if options.centre else None
-    prior: Prior | None = None
-    if options.pattern == BEST:
-        options.leg = leg
-        vertices, prior = best(options, centre, fence, screen)
-    else:
-        vertices = pattern(
-            options.pattern,
-            options.leg,
-            legs=options.legs,
-            heading_rad=math.radians(options.first_heading),
-            centre_m=centre,
-            rng=np.random.default_rng(options.seed),
-        )
-    if options.climb:
-        vertices = _climbing(vertices, options.climb)
-    mission = plan_mission(vertices, home, profile)
-    return _Planned(
-        mission, str(options.pattern), options.speed, fence, geofence.raw if geofence else None, options.home, prior
-    )
-
-
-def _climbing(vertices: Array, climb_deg: float) -> Array:
-    """(L+1, 3) the same on the ground, its legs up and down in turn so steeply."""
-    rise = np.linalg.norm(np.diff(vertices, axis=0), axis=1) * math.tan(math.radians(climb_deg))
-    up = np.concatenate([[0.0], np.cumsum(rise * (-1.0) ** np.arange(len(rise)))])
-    return np.column_stack([vertices, up - up.min()])
-
-
-def _home(options: Namespace, geofence: GeoFence | None) -> Home:
-    if options.home:
-        return parse_home(options.home)
-    if geofence is not None:
-        return geofence.home or geofence.anywhere()
-    return DEFAULT_HOME
-
-
-def _pair(text: str, option: str) -> tuple[float, float]:
-    try:
-        east_m, north_m = (float(part) for part in text.split(","))
-    except ValueError:
-        raise BadInputError(f"{option} {text}: expected EAST_M,NORTH_M") from None
-    return east_m, north_m

@@ -44,7 +44,7 @@ def best(
     usual_m = math.sqrt(spread[0] * spread[1])
     _check(options, fence, usual_m)
     expected = expected_in(
-        options, region_of(options, _anchor(options, centre_m, fence, usual_m), fence), spread, options.speed, 200
+        options, region_of(options, _anchor(centre_m, fence, usual_m), fence), spread, options.speed, 200
     )
     if options.closed:
         raise BadInputError("--closed with --pattern best: expected another pattern: the best does not close")
@@ -79,17 +79,15 @@ def _check(options: Namespace, fence: Fence | None, spread_m: float) -> None:
             f"--turn {low:g}..{high:g}: a path that turns less than 30° at its corners sees nothing: expected more"
         )
     if fence is not None and fence.within:
-        room = min(area_m2(polygon) for polygon in fence.within)
-        if room < LEAST_ROOM_SPREADS2 * spread_m**2:
+        room, least = min(area_m2(polygon) for polygon in fence.within), LEAST_ROOM_SPREADS2 * spread_m**2
+        if room < least:
             raise BadInputError(
-                f"--fence {options.fence}: too small: {room:.3g} m², expected {LEAST_ROOM_SPREADS2 * spread_m**2:.3g} m² "
-                f"or more for √C {spread_m:.3g} m"
+                f"--fence {options.fence}: too small: {room:.3g} m², expected {least:.3g} m² or more for "
+                f"√C {spread_m:.3g} m"
             )
 
 
-def _anchor(
-    options: Namespace, centre_m: tuple[float, float] | None, fence: Fence | None, spread_m: float
-) -> Array:
+def _anchor(centre_m: tuple[float, float] | None, fence: Fence | None, spread_m: float) -> Array:
     """(2, 2) corners of the box sources are in if nothing is said: about the centre given, the fence's, or home."""
     middle = np.zeros(2)
     if centre_m is not None:
@@ -144,5 +142,7 @@ def _nowhere(options: Namespace, wish: Wish) -> str:
     asked = f"{legs}{wish.length_m:.0f} m in all, turns of {low:.0f}° to {high:.0f}°"
     margin = f", {wish.margin_m:g} m from its bounds" if wish.margin_m else ""
     if wish.fence.polygons:
-        return f"--fence {options.fence}: no path of {asked} found within it{margin}: expected more room, or other turns"
+        return (
+            f"--fence {options.fence}: no path of {asked} found within it{margin}: expected more room, or other turns"
+        )
     return f"--turn {low:.0f}..{high:.0f}: no path of {asked} found"

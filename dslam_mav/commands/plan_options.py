@@ -48,9 +48,7 @@ def _made(group: argparse._ArgumentGroup) -> None:
 
 def _best(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--length", metavar="M", type=POSITIVE, help="in all (default: 22.4 √C, or 4.48 √C a leg)")
-    group.add_argument(
-        "--fence", metavar="FILE", help="stay within the geofence of a .plan, out of its keep-out zones"
-    )
+    group.add_argument("--fence", metavar="FILE", help="stay within the geofence of a .plan, out of its keep-out zones")
     group.add_argument("--margin", metavar="M", type=NOT_NEGATIVE, help="from the fence (default: 0)")
     group.add_argument("--turn", metavar="DEG..DEG", type=span(180.0), help="corners (default: 0..180)")
 
@@ -73,9 +71,7 @@ def _sources(group: argparse._ArgumentGroup) -> None:
 
 def _sensor(group: argparse._ArgumentGroup) -> None:
     noise = group.add_mutually_exclusive_group()
-    noise.add_argument(
-        "--snr", metavar="DB", type=ANY, help="of readings on a star that fills the area (default: 20)"
-    )
+    noise.add_argument("--snr", metavar="DB", type=ANY, help="of readings on a star that fills the area (default: 20)")
     noise.add_argument("--noise-sd", metavar="SD", type=POSITIVE, help="of a reading, in its unit; beside --peak")
     group.add_argument("--peak", metavar="R", type=POSITIVE, default=1.0, help="a usual source's peak (default: 1)")
     often = group.add_mutually_exclusive_group()

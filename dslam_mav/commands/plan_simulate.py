@@ -1,4 +1,4 @@
-"""`plan --simulate`: missions flown through the estimator, in processes of their own; the same whatever their number."""
+"""`plan --simulate`: missions flown through the estimator, in processes of their own; how many changes no figure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dslam_mav.commands.plan_prior import Expectation
 from dslam_mav.commands.screen import Advance
 from dslam_mav.dslam.expected import Sensing
 from dslam_mav.dslam.layouts import Layouts, drawn
-from dslam_mav.dslam.outlook import Range, path_errors
+from dslam_mav.dslam.outlook import Range, outlook
 from dslam_mav.dslam.rehearsal import Rehearsed, rehearse
 from dslam_mav.records.arrays import Array
 
@@ -68,13 +68,13 @@ def simulate(
                 pool.shutdown(wait=True, cancel_futures=True)
                 raise
     flown = [done[number] for number in range(len(jobs))]
-    bound = path_errors(path, groups, expected.sensing)
+    bound = outlook(path, groups, expected.sensing)
     return Simulated(
         len(flown),
         Range.of(np.array([one.source_m for one in flown])),
         Range.of(np.array([one.path_m for one in flown])),
-        Range.of(bound.source),
-        Range.of(bound.path),
+        bound.source,
+        bound.path,
         Range.of(np.array([one.nearest_m for one in flown])),
         float(np.mean([one.second for one in flown])),
         float(np.mean([not one.answered for one in flown])),

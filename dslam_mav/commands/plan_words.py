@@ -59,7 +59,8 @@ def warning(why: str, instead: Instead | None, home: str | None) -> str:
 def command(instead: Instead, home: str | None) -> str:
     """What to type for it."""
     east_m, north_m = instead.centre_m
-    where = f" --home {home}" if home else ""
+    where = f" --climb {math.degrees(instead.climb_rad):.1f}" if instead.climb_rad else ""
+    where += f" --home {home}" if home else ""
     heading_deg = round(math.degrees(instead.first_heading_rad), 1)
     heading = f" --first-heading {heading_deg:g}" if heading_deg else ""
     return (

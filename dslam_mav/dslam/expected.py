@@ -25,6 +25,7 @@ LEAST_POINTS = 4
 MOST_POINTS = 4000  # in all: on very long paths the points lie up to half a spread apart
 LONGEST_SPREADS = 2000.0
 MOST_NUMBERS = 4_000_000  # of one batch of information matrices
+FLIGHTS_A_LAYOUT = 16
 SURE_OF = 2.0  # radians of a heading, e-foldings of a strength, √C of a place: so much is known of anything
 
 
@@ -51,8 +52,8 @@ class Sensing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Errors:
-    """RMS errors in metres (M,) of layouts: sources and path, relative to the first leg and (`aligned`) to the whole
-    path; infinite where a source's place is not bounded to two spreads.
+    """Errors in metres (N,), RMS over a layout's sources and over the path's vertices: relative to the first leg and
+    (`aligned`) to the whole path. Infinite where a source's place is not bounded to two spreads.
     """
 
     source: Array
@@ -62,59 +63,65 @@ class Errors:
 
     @property
     def blind(self) -> NDArray[np.bool_]:
-        """(M,) whether the layout cannot be identified."""
+        """(N,) whether the layout cannot be identified."""
         return ~np.isfinite(self.source)
 
 
 def errors_on(path: ArrayLike, layouts: Layouts, sensing: Sensing) -> Errors:
-    """What the path (L+1, d) leaves to expect of every layout; a ValueError where it is over 2000 spreads long."""
+    """(M,) the bound on every layout; a ValueError where the path (L+1, d) is over 2000 spreads long."""
+    return _in_batches(path, layouts, sensing, None)
+
+
+def errors_flown(path: ArrayLike, layouts: Layouts, sensing: Sensing, rng: np.random.Generator) -> Errors:
+    """(M · 16,) what flights come to whose errors are Gaussian with the bound's covariance: half of all flights do
+    better than the bound, which is a root mean square, says.
+    """
+    return _in_batches(path, layouts, sensing, rng)
+
+
+def joined(parts: Sequence[Errors]) -> Errors:
+    """Errors of some layouts, then of others."""
+    return Errors(
+        np.concatenate([e.source for e in parts]),
+        np.concatenate([e.source_aligned for e in parts]),
+        np.concatenate([e.path for e in parts]),
+        np.concatenate([e.path_aligned for e in parts]),
+    )
+
+
+def _in_batches(path: ArrayLike, layouts: Layouts, sensing: Sensing, rng: np.random.Generator | None) -> Errors:
     b = np.asarray(path, dtype=np.float64)
     spreads = float(np.linalg.norm(np.diff(b, axis=0), axis=1).sum() / layouts.spread_m.min())
     if spreads > LONGEST_SPREADS:
         raise ValueError(f"the path is {spreads:.0f} √C long: expected at most {LONGEST_SPREADS:.0f}")
     size = 2 * len(b) + 4 * layouts.k_sources
     step = max(1, MOST_NUMBERS // size**2)
-    parts = [_errors_on(b, layouts.part(i, i + step), sensing) for i in range(0, len(layouts), step)]
-    return joined(parts)
+    return joined([_errors(b, layouts.part(i, i + step), sensing, rng) for i in range(0, len(layouts), step)])
 
 
-def joined(parts: Sequence[Errors]) -> Errors:
-    """Errors of some layouts, then of others."""
-    columns = ([e.source for e in parts], [e.source_aligned for e in parts], [e.path for e in parts])
-    return Errors(*(np.concatenate(c) for c in columns), np.concatenate([e.path_aligned for e in parts]))
-
-
-def _errors_on(b: Array, layouts: Layouts, sensing: Sensing) -> Errors:
+def _errors(b: Array, layouts: Layouts, sensing: Sensing, rng: np.random.Generator | None) -> Errors:
+    """Every error is a sum of squares over ways the unknowns may be off: the covariance's own, or drawn at random."""
     k, d, at = layouts.k_sources, b.shape[1], _place_start(b, sensing)
     paths = np.broadcast_to(b, (len(layouts), *b.shape)).copy()
-    covariance = _inverses(_information(paths, layouts, sensing, POINTS_PER_SPREAD) / sensing.noise_sd**2)
-    covariance = covariance[:, : at + k * d, : at + k * d]
-    by_path = np.zeros((len(b), d, at + k * d))
-    by_path[:, :, :at] = vertex_columns(b, sensing.unknown)
-    by_source = np.zeros((k, d, at + k * d))
-    by_source[:, :, at:] = np.eye(k * d).reshape(k, d, k * d)
-    motion = np.linalg.pinv(_rigid(b)) @ by_path.reshape(len(b) * d, -1)
-    path_left = by_path - (_rigid(b) @ motion).reshape(by_path.shape)
-    moved = np.einsum("mkij,jp->mkip", _rigid_of(layouts.places), motion)
-    source_left = by_source[None] - moved
-    own = np.einsum("kip,mpq,kjq->mkij", by_source, covariance, by_source, optimize=True)
-    aligned = np.einsum("mkip,mpq,mkiq->m", source_left, covariance, source_left, optimize=True) / k
-    worst = np.sqrt(np.linalg.eigvalsh(own).max(axis=(1, 2)))
-    blind = ~(worst < UNIDENTIFIED_SPREADS * layouts.spread_m)
+    factor = _factors(_information(paths, layouts, sensing, POINTS_PER_SPREAD) / sensing.noise_sd**2)
+    own = factor[:, at : at + k * d].reshape(len(layouts), k, d, -1)
+    worst = np.linalg.eigvalsh(own @ np.swapaxes(own, 2, 3)).max(axis=(1, 2))
+    blind = ~(np.sqrt(worst) < UNIDENTIFIED_SPREADS * layouts.spread_m)
+    if rng is not None:
+        factor = factor @ rng.standard_normal((len(layouts), factor.shape[2], FLIGHTS_A_LAYOUT))
+    by_path = vertex_columns(b, sensing.unknown).reshape(b.size, -1)
+    motion = np.linalg.pinv(_rigid(b)) @ by_path
+    path_off = by_path @ factor[:, :at]
+    path_left = (by_path - _rigid(b) @ motion) @ factor[:, :at]
+    source_off = factor[:, at : at + k * d]
+    moved = _rigid_of(layouts.places).reshape(len(layouts), k * d, -1) @ (motion @ factor[:, :at])
 
-    def rms(squares: Array) -> Array:
-        return np.where(blind, np.inf, np.sqrt(np.maximum(squares, 0.0)))
+    def rms(off: Array, count: int) -> Array:
+        squares = off**2 if rng is not None else (off**2).sum(axis=2, keepdims=True)
+        error = np.sqrt(squares.sum(axis=1) / count)
+        return np.where(blind[:, None], np.inf, error).ravel()
 
-    def over_vertices(columns: Array) -> Array:
-        flat = columns.reshape(-1, columns.shape[2])
-        return np.asarray(np.einsum("ap,mpq,aq->m", flat, covariance, flat, optimize=True) / len(b))
-
-    return Errors(
-        rms(np.trace(own, axis1=2, axis2=3).mean(axis=1)),
-        rms(aligned),
-        rms(over_vertices(by_path)),
-        rms(over_vertices(path_left)),
-    )
+    return Errors(rms(source_off, k), rms(source_off - moved, k), rms(path_off, len(b)), rms(path_left, len(b)))
 
 
 def log_errors(
@@ -208,15 +215,16 @@ def _place_start(b: Array, sensing: Sensing) -> int:
     return n_legs - 1 + (n_legs if sensing.length_sd_m > 0.0 else 0)
 
 
-def _inverses(information: Array) -> Array:
-    """Inverses (M, P, P) through scaled eigenvectors, as `bound.information`: what is not seen has a huge variance."""
+def _factors(information: Array) -> Array:
+    """(M, P, P) G with GGᵀ the inverse, through scaled eigenvectors as in `bound.information`: what is not seen has a
+    huge variance.
+    """
     size = np.sqrt(np.einsum("mpp->mp", information))
     scale = np.where(size > SINGULAR * size.max(axis=1, keepdims=True), size, 1.0)
     values, vectors = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
     blind = values <= SINGULAR * values[:, -1:]
-    inverse = np.where(blind, UNSEEN_SD**2, 1.0 / np.where(blind, 1.0, values))
-    out = np.einsum("mpi,mi,mqi->mpq", vectors, inverse, vectors, optimize=True)
-    return np.asarray(out / (scale[:, :, None] * scale[:, None, :]))
+    root = np.where(blind, UNSEEN_SD, 1.0 / np.sqrt(np.where(blind, 1.0, values)))
+    return np.asarray(vectors * root[:, None, :] / scale[:, :, None])
 
 
 def _rigid(points: Array) -> Array:

@@ -30,12 +30,12 @@ class Region:
     @property
     def middle(self) -> Array:
         """(d,)."""
-        return 0.5 * (np.asarray(self.low) + np.asarray(self.high))
+        return np.asarray(0.5 * (np.asarray(self.low) + np.asarray(self.high)), dtype=np.float64)
 
     @property
     def extent(self) -> Array:
         """(d,) lengths."""
-        return np.asarray(self.high) - np.asarray(self.low)
+        return np.asarray(np.subtract(self.high, self.low), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ def noise_below(groups: Sequence[Layouts], region: Region, snr_db: float) -> flo
 
     The star is only a yardstick: missions compare fairly if the sensor's noise does not depend on which is flown.
     """
-    star = vertices(STAR_TURN * np.arange(7), np.ones(7))
+    star = vertices(STAR_TURN * np.arange(7, dtype=np.float64), np.ones(7))
     star = (star - star.min(axis=0)) / np.ptp(star, axis=0)
     u = (np.arange(STAR_POINTS) + 0.5) / STAR_POINTS
     points = (star[:-1, None] + u[None, :, None] * np.diff(star, axis=0)[:, None]).reshape(-1, 2)

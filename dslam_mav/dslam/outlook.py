@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.expected import Errors, Sensing, errors_on, joined
+from dslam_mav.dslam.expected import Sensing, errors_flown, joined
 from dslam_mav.dslam.layouts import Layouts
 
 Array = NDArray[np.float64]
@@ -40,8 +40,8 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Outlook:
-    """RMS errors to expect of sources and path, relative to the first leg and (`aligned`) to the whole path; the share
-    of layouts that cannot be identified; and the spread to measure them by.
+    """Errors to expect of sources and path, RMS over either: relative to the first leg and (`aligned`) to the whole
+    path; the share of layouts that cannot be identified; and the spread to measure them by.
     """
 
     source: Range
@@ -63,17 +63,12 @@ class Outlook:
 
 
 def outlook(path: Array, groups: Sequence[Layouts], sensing: Sensing) -> Outlook:
-    """The bound on the path (L+1, d) over layouts, which may be of different numbers of sources."""
-    return summed(path_errors(path, groups, sensing), groups)
+    """What flights on the path (L+1, d) may come to, by the bound, over layouts of maybe different numbers of sources.
 
-
-def path_errors(path: Array, groups: Sequence[Layouts], sensing: Sensing) -> Errors:
-    """Of all layouts, in the order of the groups."""
-    return joined([errors_on(path, group, sensing) for group in groups])
-
-
-def summed(errors: Errors, groups: Sequence[Layouts]) -> Outlook:
-    """Median and 90 % of each."""
+    The same draws for every path, so that paths compare.
+    """
+    rng = np.random.default_rng(0)
+    errors = joined([errors_flown(path, group, sensing, rng) for group in groups])
     return Outlook(
         Range.of(errors.source),
         Range.of(errors.source_aligned),

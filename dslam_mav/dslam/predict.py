@@ -23,7 +23,6 @@ from dslam_mav.records import Flight, Leg, Medium, Sources
 Array = NDArray[np.float64]
 
 
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Bound:
     """The Cramér–Rao bound of a flight: `position_covariance_m2` (K, 2, 2) relative to the first leg, `aligned_…` to

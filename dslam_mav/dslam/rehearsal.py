@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,15 +54,13 @@ def _medium(layouts: Layouts, i: int, sensing: Sensing) -> Medium:
     spread_m, rate = float(layouts.spread_m[i]), float(layouts.rate_m2_s[i])
     ambient, d = (None if sensing.ambient_unknown else 0.0), layouts.places.shape[2]
     if rate > 0.0:
-        age = "shared" if sensing.spread_unknown else -(spread_m**2) / rate
+        age: float | Literal["shared"] = "shared" if sensing.spread_unknown else -(spread_m**2) / rate
         return Medium(diffusivity_m2_s=0.25 * rate, activation_s=age, ambient=ambient, dimensions=d)
     known = None if sensing.spread_unknown else spread_m
     return Medium(spread_m=known, static=True, ambient=ambient, dimensions=d)
 
 
-def _flight(
-    path: Array, layouts: Layouts, i: int, sensing: Sensing, rng: np.random.Generator
-) -> tuple[Array, Flight]:
+def _flight(path: Array, layouts: Layouts, i: int, sensing: Sensing, rng: np.random.Generator) -> tuple[Array, Flight]:
     """The path truly flown, legs a little longer or shorter than said, and what is read on it."""
     step = np.diff(path, axis=0)
     said = np.linalg.norm(step, axis=1)

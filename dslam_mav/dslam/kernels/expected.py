@@ -25,7 +25,7 @@ class Unknown(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """M layouts: places (M, K, d), peak readings at the start (M, K), C (M,) and its rate (M,) = 4μ; seconds a metre."""
+    """M layouts: places (M, K, d), peak readings at first (M, K), C (M,) and its rate (M,) = 4μ; seconds a metre."""
 
     places: Array
     peak: Array
