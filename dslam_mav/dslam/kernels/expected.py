@@ -71,17 +71,20 @@ def informations(
     size = size_of(n_legs, k_sources, d, unknown)
     half = 0.5 * d
     out = np.zeros((n_layouts, size, size))
-    turn = np.zeros((n_path, d))
-    row, slope = np.empty(size), np.empty(d)
+    turn, slope = np.zeros((n_path, d)), np.empty(d)
+    most = 0
     for m in range(n_layouts):
-        b, f = vertices[m], out[m]
-        flown = 0.0
+        most = max(most, points[m].sum())
+    columns = np.empty((size, most))  # of J, a reading's weight in them
+    for m in range(n_layouts):
+        b = vertices[m]
+        flown, n = 0.0, 0
         for j in range(n_legs):
             length = 0.0
             for q in range(d):
                 length += (b[j + 1, q] - b[j, q]) ** 2
             length = math.sqrt(length)
-            weight = density * length / points[m, j]
+            weight = math.sqrt(density * length / points[m, j])
             for i in range(points[m, j]):
                 u = (i + offset) / points[m, j]
                 c = scene.spread2[m] + scene.rate[m] * scene.pace * (flown + u * length)
@@ -93,33 +96,34 @@ def informations(
                     for q in range(d):
                         far += ((1.0 - u) * b[j, q] + u * b[j + 1, q] - scene.places[m, k, q]) ** 2
                     far /= c
-                    g = scene.peak[m, k] * growth**half * math.exp(-far)
+                    g = weight * scene.peak[m, k] * growth**half * math.exp(-far)
                     for q in range(d):
                         x = (1.0 - u) * b[j, q] + u * b[j + 1, q] - scene.places[m, k, q]
-                        row[n_path + k * d + q] = 2.0 * x * g / c
+                        columns[n_path + k * d + q, n] = 2.0 * x * g / c
                         slope[q] -= 2.0 * x * g / c
-                    row[n_path + k_sources * d + k] = g
+                    columns[n_path + k_sources * d + k, n] = g
                     by_spread += growth * (far - half) * g
                 levers(b, j, u, unknown, turn)
                 for p in range(n_path):
                     total = 0.0
                     for q in range(d):
                         total += turn[p, q] * slope[q]
-                    row[p] = total
+                    columns[p, n] = total
                 at = n_path + k_sources * (d + 1)
                 if unknown.spread:
-                    row[at] = by_spread
+                    columns[at, n] = by_spread
                     at += 1
                 if unknown.ambient:
-                    row[at] = 1.0
-                for p in range(size):
-                    own = weight * row[p]
-                    for r in range(p + 1):
-                        f[p, r] += own * row[r]
+                    columns[at, n] = weight
+                n += 1
             flown += length
         for p in range(size):
-            for r in range(p):
-                f[r, p] = f[p, r]
+            for r in range(p + 1):
+                total = 0.0
+                for i in range(n):
+                    total += columns[p, i] * columns[r, i]
+                out[m, p, r] = total
+                out[m, r, p] = total
     return out
 
 
