@@ -31,15 +31,16 @@ _Found = tuple[float, Array]
 
 MISJUDGED = 1.5  # √C, either way
 TURN_OFF_RAD = math.radians(5.0)
-ROUGHLY, TRAINING, CHOOSING = 90, 180, 480  # layouts: in the end at least 90, or a plan fits them and no others
+ROUGHLY, TRAINING, CHOOSING = 90, 180, 1200  # layouts: in the end at least 90, or a plan fits them and no others
 POINTS_PER_SPREAD = 5.0
 USUAL_LEG_SPREADS = 4.48
 USUAL_TURN_RAD = math.radians(146.0)
-STARTS = 14
-FINALISTS = 4
+STARTS = 16
+FINALISTS = 6
 ROUGH_STAGES = ((30.0, 30),)
-FINE_STAGES = ((100.0, 90), (1e3, 20), (1e4, 20), (1e5, 20))
+FINE_STAGES = ((100.0, 70), (1e3, 20), (1e4, 20), (1e5, 20))
 """How much beyond the fence weighs, in spreads squared, and iterations: every stage pulls harder than the last."""
+KEPT_STARS = 3
 FINE_WORTH = 4  # starts, in time
 NO_FENCE = Fence()
 MOST_LEGS = 40
@@ -98,12 +99,12 @@ def best_path(
     """(L+1, 2) vertices; None where no path of this length, legs and turns was found within the fence."""
     spread_m = prior.usual_spread_m
     roughly, training, choosing = (_score(prior, sensing, count, rng) for count in (ROUGHLY, TRAINING, CHOOSING))
-    stars = sorted(_stars(wish, prior), key=choosing.of)
+    stars = sorted(_stars(wish, prior), key=training.of)[:KEPT_STARS]
     starts = [*stars[:2], *_starts(wish, prior, rng)]
     bar = _Bar(progress, len(starts) + FINALISTS * FINE_WORTH)
     with ThreadPoolExecutor(THREADS) as pool:  # the kernels let go of the interpreter
         rough = list(pool.map(lambda path: bar.after(_descend(path, wish, roughly, spread_m, ROUGH_STAGES), 1), starts))
-        rough.sort(key=lambda found: found[0] + choosing.of(found[1]))
+        rough.sort(key=lambda found: found[0] + training.of(found[1]))
         fine = pool.map(
             lambda found: bar.after(_descend(found[1], wish, training, spread_m, FINE_STAGES), FINE_WORTH),
             rough[:FINALISTS],

@@ -28,7 +28,6 @@ MOST_LEGS = 20
 LEAST_ROOM_SPREADS2 = 0.5  # of C: in less no two places differ to a sensor
 SEARCH_SEED = 1  # layouts the plan is made on are none of those it is then judged by
 LENGTHS = tuple(8.0 * 1.15**i for i in range(20))  # √C: how long a mission might have to be
-BETTER = 1.05  # than the best star the best mission usually is
 
 ALONE = ("length", "margin", "turn")
 """Options that only a search for the best has a use for."""
@@ -119,7 +118,7 @@ def _wish(options: Namespace, fence: Fence | None, spread_m: float, expected: Ex
 
 
 def _long_enough(options: Namespace, wish: Wish, spread_m: float, expected: Expectation) -> Wish:
-    """The shortest length at which a star almost reaches the accuracy wanted."""
+    """The shortest length at which a star reaches the accuracy wanted: the best mission then does."""
     from missions.best import best_star_error_m
 
     reached = math.inf
@@ -127,7 +126,7 @@ def _long_enough(options: Namespace, wish: Wish, spread_m: float, expected: Expe
         longer = replace(wish, length_m=spreads * spread_m)
         error_m = best_star_error_m(longer, expected.prior, expected.groups, expected.sensing)
         reached = min(reached, error_m)
-        if error_m <= BETTER * options.target_sd:
+        if error_m <= options.target_sd:
             return longer
     raise BadInputError(
         f"--target-sd {options.target_sd:g}: out of reach: {LENGTHS[-1] * spread_m:.0f} m of star see to "

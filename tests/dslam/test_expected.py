@@ -109,7 +109,7 @@ def test_a_star_sees_and_a_path_that_marches_out_of_the_area_does_not():
     groups = [layouts(2, 60), layouts(3, 60)]
     sensing = Sensing(noise_below(groups, BOX, 20.0), 20.0)
     assert not outlook(STAR, groups, sensing).poor
-    blind = outlook(centred(lawnmower(3.2, 7)) + [6.0, 0.0], groups, sensing)
+    blind = outlook(centred(lawnmower(3.2, 7), (6.0, 0.0)), groups, sensing)
     assert blind.blind
     assert blind.unidentifiable_share == pytest.approx(1.0, abs=0.02)
 
@@ -128,7 +128,7 @@ def test_one_source_is_seen_with_a_compass_only():
     [
         (centred(star(3, 1, 4.0)), "3 legs"),
         (centred(lawnmower(3.2, 7)), "2 directions"),
-        (centred(star(5, 2, 1.0)) + [3.0, 3.0], "from every leg"),
+        (centred(star(5, 2, 1.0), (3.0, 3.0)), "from every leg"),
     ],
 )
 def test_the_reason_names_what_is_wrong(path, words):

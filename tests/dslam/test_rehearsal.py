@@ -37,9 +37,7 @@ def test_what_is_flown_is_what_was_predicted(known):
 
 def test_a_rehearsal_repeats_with_its_noise():
     group = drawn(Prior((2, 2), (1.0, 1.0), BOX), 1, np.random.default_rng(1))[0]
-    first, again, other = (
-        rehearse(PATH, group, 0, Sensing(0.02, 20.0), np.random.default_rng(s)) for s in (1, 1, 2)
-    )
+    first, again, other = (rehearse(PATH, group, 0, Sensing(0.02, 20.0), np.random.default_rng(s)) for s in (1, 1, 2))
     assert first == again != other
 
 
