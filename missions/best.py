@@ -105,12 +105,17 @@ def best_path(
     with ThreadPoolExecutor(THREADS) as pool:  # the kernels let go of the interpreter
         rough = list(pool.map(lambda path: bar.after(_descend(path, wish, roughly, spread_m, ROUGH_STAGES), 1), starts))
         rough.sort(key=lambda found: found[0] + training.of(found[1]))
-        fine = pool.map(
-            lambda found: bar.after(_descend(found[1], wish, training, spread_m, FINE_STAGES), FINE_WORTH),
-            rough[:FINALISTS],
-        )
-        candidates = [*stars, *(path for _, path in fine)]
+
+        def finely(found: _Found) -> Array:
+            return bar.after(_descend(found[1], wish, training, spread_m, FINE_STAGES), FINE_WORTH)[1]
+
+        candidates = [*stars, *pool.map(finely, rough[:FINALISTS])]
     flyable = [path for path in candidates if _may_fly(path, wish)]
+    for found in rough[FINALISTS:]:  # a winding fence may hold back the best of them
+        if flyable:
+            break
+        path = finely(found)
+        flyable += [path] if _may_fly(path, wish) else []
     return min(flyable, key=choosing.of) if flyable else None
 
 
@@ -123,7 +128,7 @@ class _Bar:
     def after(self, found: _Found, worth: int) -> _Found:
         """Passes on what was found."""
         with self._lock:
-            self._done += worth
+            self._done = min(self._done + worth, self._steps)
             if self._tell is not None:
                 self._tell(self._done, self._steps)
         return found

@@ -27,15 +27,26 @@ def beyond(
     theta = theta0 + np.concatenate([[0.0], np.cumsum(turn)])
     along = np.column_stack([np.cos(theta), np.sin(theta)])
     path = start + np.vstack([np.zeros(2), np.cumsum(lengths[:, None] * along, axis=0)])
-    u = np.linspace(0.0, 1.0, CHECKS_A_LEG)
-    points = path[:-1, None] + u[None, :, None] * np.diff(path, axis=0)[:, None]
+    step = np.diff(path, axis=0)
+    u = np.broadcast_to(np.linspace(0.0, 1.0, CHECKS_A_LEG), (n_legs, CHECKS_A_LEG))
+    # and where a leg comes nearest to a corner of the fence, which may reach in between
+    nearest = [_shares_beside(polygon, path, step) for polygon in fence.polygons]
+    u = np.concatenate([u, *nearest], axis=1)
+    worth = np.where(np.arange(u.shape[1]) < CHECKS_A_LEG, 1.0 / CHECKS_A_LEG, 1.0)
+    points = path[:-1, None] + u[:, :, None] * step[:, None]
     clear, way = fence.clearance(points.reshape(-1, 2))
-    short = np.minimum(clear - margin_m - INSIDE * spread_m, 0.0) / spread_m
-    by_point = (2.0 * short[:, None] * way / spread_m).reshape(n_legs, CHECKS_A_LEG, 2) / CHECKS_A_LEG
+    short = (np.minimum(clear - margin_m - INSIDE * spread_m, 0.0) / spread_m).reshape(u.shape)
+    by_point = 2.0 * (worth * short)[:, :, None] * way.reshape(*u.shape, 2) / spread_m
     moves = np.zeros_like(path)
-    moves[:-1] += ((1.0 - u)[None, :, None] * by_point).sum(axis=1)
-    moves[1:] += (u[None, :, None] * by_point).sum(axis=1)
-    return float((short**2).sum()) / CHECKS_A_LEG, chained(moves[None], along[None], lengths, share)
+    moves[:-1] += ((1.0 - u)[:, :, None] * by_point).sum(axis=1)
+    moves[1:] += (u[:, :, None] * by_point).sum(axis=1)
+    return float((worth * short**2).sum()), chained(moves[None], along[None], lengths, share)
+
+
+def _shares_beside(polygon: Array, path: Array, step: Array) -> Array:
+    """(L, V) at which share of each leg it comes nearest to each corner of a polygon."""
+    off = polygon[None] - path[:-1, None]
+    return np.asarray(np.clip((off * step[:, None]).sum(axis=2) / (step**2).sum(axis=1)[:, None], 0.0, 1.0))
 
 
 def parts(x: Array, n_legs: int) -> tuple[Array, float, Array, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 STARS = {"star5": (5, 2), "star7": (7, 3)}
 ROUNDS = (1, 2, 3)
+LONGER = (1.0, 1.5, 2.0, 3.0)
 WORTH = 1.25  # times better: less is no reason to fly another plan
 
 
@@ -37,13 +38,31 @@ class Instead:
 def nearest_that_sees(
     path: Array, seen: Outlook, groups: Sequence[Layouts], sensing: Sensing, centre_m: tuple[float, float]
 ) -> Instead | None:
-    """Of stars as long as the path (L+1, d) about `centre_m`, its first leg kept, the one that sees best; None where
-    none sees clearly better.
+    """Of stars about `centre_m`, as long as the path (L+1, d) or, if need be, longer, the best of the shortest that
+    sees well; failing that, the best as long as the path; None where that is not clearly better either.
     """
+    fallback = None
+    for longer in LONGER:
+        best = min(
+            _stars(path, longer, groups, sensing, centre_m),
+            key=lambda one: (one.seen.source.median_m, one.seen.unidentifiable_share),
+        )
+        if not best.seen.poor:
+            return best
+        fallback = fallback or best
+    assert fallback is not None
+    if not math.isfinite(fallback.seen.source.median_m):
+        return None
+    blinder = fallback.seen.unidentifiable_share > seen.unidentifiable_share
+    return None if blinder or seen.source.median_m < WORTH * fallback.seen.source.median_m else fallback
+
+
+def _stars(
+    path: Array, longer: float, groups: Sequence[Layouts], sensing: Sensing, centre_m: tuple[float, float]
+) -> Iterator[Instead]:
     step = np.diff(path[:, :2], axis=0)
-    length_m = float(np.linalg.norm(step, axis=1).sum())
+    length_m = longer * float(np.linalg.norm(step, axis=1).sum())
     heading = float(math.atan2(step[0, 1], step[0, 0]))
-    found: list[Instead] = []
     for name, (n, k) in STARS.items():
         for rounds in ROUNDS:
             leg_m, legs = float(f"{length_m / (n * rounds):.3g}"), n * rounds
@@ -51,12 +70,7 @@ def nearest_that_sees(
             climb = math.atan2(float(np.ptp(path[:, 2])), leg_m) if path.shape[1] == 3 else 0.0
             if path.shape[1] == 3:
                 flown = climbing(flown, path)
-            found.append(Instead(name, leg_m, legs, heading, centre_m, climb, outlook(flown, groups, sensing)))
-    best = min(found, key=lambda one: (one.seen.source.median_m, one.seen.unidentifiable_share))
-    if not math.isfinite(best.seen.source.median_m):
-        return None
-    blinder = best.seen.unidentifiable_share > seen.unidentifiable_share
-    return None if blinder or seen.source.median_m < WORTH * best.seen.source.median_m else best
+            yield Instead(name, leg_m, legs, heading, centre_m, climb, outlook(flown, groups, sensing))
 
 
 def climbing(flat: Array, path: Array) -> Array:

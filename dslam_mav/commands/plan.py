@@ -35,6 +35,8 @@ def run(options: Namespace) -> int:
     expected = expectation(options, path, planned.prior, planned.fence, planned.speed_m_s)
     seen = _seen(path, expected)
     _reach(options, seen, float(lengths_m.sum()))
+    if options.output:
+        write_plan(Path(options.output), planned.mission, planned.raw_fence)
     _tell_legs(screen, planned.name, legs, lengths_m)
     flown = _simulated(options, path, expected, screen)
     instead = _judge(screen, planned, path, seen, expected)
@@ -45,7 +47,6 @@ def run(options: Namespace) -> int:
     if planned.fence is not None and not planned.fence.lets_pass(path[:, :2]):
         screen.warn(f"{planned.name} leaves the geofence of {options.fence}")
     if options.output:
-        write_plan(Path(options.output), planned.mission, planned.raw_fence)
         screen.say(f"written {options.output}")
     from dslam_mav.commands import plan_words as words
 

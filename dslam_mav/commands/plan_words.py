@@ -50,10 +50,15 @@ def warning(why: str, instead: Instead | None, home: str | None) -> str:
     """Why the plan is poor, and what to fly instead."""
     if instead is None:
         return (
-            f"{why}; no star as long sees better here: fly longer, know headings (--heading-sd), read with less "
-            "noise, or narrow the area"
+            f"{why}; no star here sees better, even thrice as long: know headings (--heading-sd), read with less noise "
+            "or more often, or narrow the area"
         )
-    return f"{why}; at the same place, as long, to {instead.seen.source.median_m:.2g} m: {command(instead, home)}"
+    long_m = instead.leg_m * instead.legs
+    well = "sees to" if not instead.seen.poor else "sees badly too, but to"
+    return (
+        f"{why}; a {instead.pattern} of {long_m:.0f} m at the same place {well} {instead.seen.source.median_m:.2g} m: "
+        f"{command(instead, home)}"
+    )
 
 
 def command(instead: Instead, home: str | None) -> str:

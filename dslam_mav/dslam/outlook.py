@@ -86,7 +86,8 @@ def reason(path: Array, groups: Sequence[Layouts], sensing: Sensing) -> str:
     if groups[0].k_sources == 1 and len(groups) == 1 and not compass:
         return "a single source leaves every leg free to turn about it, unless a compass (--heading-sd) holds it"
     if n_legs < FEWEST_LEGS:
-        return f"it has {n_legs} legs, and directions come out only where 4 or more cross the sources"
+        legs = "a single leg" if n_legs == 1 else f"{n_legs} legs"
+        return f"it has {legs}, and directions come out only where 4 or more cross the sources"
     gap = np.concatenate([_gaps(path, group).reshape(-1, n_legs) for group in groups])
     unreached = float((gap.min(axis=1) > SEEN_SPREADS).mean())
     if unreached > OUT_OF_REACH_SHARE:

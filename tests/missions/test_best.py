@@ -67,7 +67,7 @@ def test_it_holds_with_the_spread_misjudged_and_its_turns_off(best):
 @pytest.fixture
 def quick(monkeypatch):
     """A search with less care, where only its limits matter."""
-    for name, value in {"STARTS": 4, "FINALISTS": 2, "ROUGHLY": 30, "TRAINING": 40, "CHOOSING": 60}.items():
+    for name, value in {"STARTS": 8, "FINALISTS": 2, "ROUGHLY": 30, "TRAINING": 40, "CHOOSING": 60}.items():
         monkeypatch.setattr(searching, name, value)
 
 
