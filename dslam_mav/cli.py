@@ -17,8 +17,9 @@ from types import FrameType
 from typing import NoReturn
 
 from dslam_mav.commands import options as shared
-from dslam_mav.commands.options import COUNT, NOT_NEGATIVE, POSITIVE, SEED
+from dslam_mav.commands.options import COUNT, POSITIVE, SEED
 from dslam_mav.commands.paper_options import add_paper
+from dslam_mav.commands.plan_options import add_plan
 from dslam_mav.errors import BadInputError, DslamError
 
 BAD_INPUT = 2
@@ -124,29 +125,10 @@ def _add(
 
 def _plan(commands: Commands[_Parser]) -> None:
     parser = _add(
-        commands, "plan", "make a mission, or look at one somebody drew",
-        "--pattern star7 --leg 32 --home 47.3977,8.5456,488 -o star.plan", ("plan", "run"),
+        commands, "plan", "make a mission, or look at one somebody drew, and say how well it will see",
+        "--pattern best --sources 2-4 --spread 10 --home 47.3977,8.5456,488 -o best.plan", ("plan", "run"),
     )  # fmt: skip
-    parser.add_argument("plan", nargs="?", metavar="FILE", help="a .plan or .waypoints to look at")
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help="write it: .plan (QGroundControl) or .waypoints (WPL 110)"
-    )
-    made = parser.add_argument_group("a new mission")  # defaults in commands.plan: with FILE none may be given
-    made.add_argument("--pattern", help="star7 (default), star5, triangle, square, lawnmower, spiral or random")
-    made.add_argument("--leg", metavar="M", type=POSITIVE, help="leg length (default: 32)")
-    made.add_argument("--legs", metavar="N", type=COUNT, help="number of legs (default: the pattern's own)")
-    made.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it is flown, degrees and metres")
-    made.add_argument("--centre", metavar="E,N", help="middle of it in metres from home (default: begins there)")
-    made.add_argument("--first-heading", metavar="DEG", type=shared.ANY, help="counter-clockwise from east (default 0)")
-    made.add_argument("--altitude", metavar="M", type=POSITIVE, help="above home (default: 20)")
-    made.add_argument("--speed", metavar="M_S", type=POSITIVE, help="(default: 5)")
-    made.add_argument("--hold", metavar="S", type=NOT_NEGATIVE, help="wait at each corner (default: 0)")
-    made.add_argument("--seed", metavar="N", type=SEED, help="of the pattern random (default: 0)")
-    seen = parser.add_argument_group("predicted accuracy, over 200 layouts of sources")
-    seen.add_argument("--sources", metavar="K", type=shared.N_SOURCES, default=2, help="(default: 2)")
-    seen.add_argument("--spread", metavar="M", type=POSITIVE, help="√C (default: the longest leg over 3.2)")
-    seen.add_argument("--area", metavar="E,N", help="where they may be, metres (default: the path's extent)")
-    seen.add_argument("--snr", metavar="DB", type=shared.ANY, default=20.0, help="of the readings (default: 20)")
+    add_plan(parser)
 
 
 def _transfer(commands: Commands[_Parser]) -> None:

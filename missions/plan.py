@@ -69,22 +69,25 @@ class Profile:
 
 
 def plan_mission(vertices_m: ArrayLike, home: Home, profile: Profile | None = None) -> Mission:
-    """The mission that flies `vertices_m` (V, 2), metres east and north of home, V ≥ 2; item 0 is home.
+    """The mission that flies `vertices_m` (V, 2), metres east and north of home, V ≥ 2; item 0 is home. A third column
+    is metres above the profile's altitude.
 
     BadInputError on a leg too short to have a direction, or a vertex too far from home; ValueError on a
     shape.
     """
     how = Profile() if profile is None else profile
     vertices = np.asarray(vertices_m, dtype=np.float64)
-    if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 2:
-        raise ValueError(f"vertices_m: expected shape (2 or more, 2), got {vertices.shape}")
-    _check_vertices(vertices)
-    places = [enu_to_e7(east_m, north_m, home) for east_m, north_m in vertices]
+    if vertices.ndim != 2 or vertices.shape[1] not in (2, 3) or len(vertices) < 2:
+        raise ValueError(f"vertices_m: expected shape (2 or more, 2 or 3), got {vertices.shape}")
+    _check_vertices(vertices[:, :2])
+    places = [enu_to_e7(east_m, north_m, home) for east_m, north_m in vertices[:, :2]]
+    higher = vertices[:, 2] if vertices.shape[1] == 3 else np.zeros(len(vertices))
     if (0, 0) in places:
         raise BadInputError(
             f"vertex {places.index((0, 0))} at 0, 0 degrees: an autopilot reads that as no position, move it"
         )
-    items = [*_start(home, how), *(_waypoint(place, how) for place in places), *_end(places[-1], how)]
+    waypoints = [_waypoint(place, how, float(up)) for place, up in zip(places, higher, strict=True)]
+    items = [*_start(home, how), *waypoints, *_end(places[-1], how)]
     return with_home_item(Mission(tuple(items), home))
 
 
@@ -116,9 +119,9 @@ def _start(home: Home, how: Profile) -> list[MissionItem]:
     return [MissionItem(CMD_TAKEOFF, FRAME_GLOBAL_RELATIVE_ALT, unset, x, y, altitude_m), speed]
 
 
-def _waypoint(place: tuple[int, int], how: Profile) -> MissionItem:
+def _waypoint(place: tuple[int, int], how: Profile, higher_m: float) -> MissionItem:
     params = (float(how.hold_s), float(how.accept_m), 0.0, _UNSET)
-    return MissionItem(CMD_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT, params, *place, _altitude_m(how))
+    return MissionItem(CMD_WAYPOINT, FRAME_GLOBAL_RELATIVE_ALT, params, *place, _altitude_m(how, higher_m))
 
 
 def _end(last: tuple[int, int], how: Profile) -> list[MissionItem]:
@@ -129,6 +132,6 @@ def _end(last: tuple[int, int], how: Profile) -> list[MissionItem]:
     return []
 
 
-def _altitude_m(how: Profile) -> float:
+def _altitude_m(how: Profile, higher_m: float = 0.0) -> float:
     """Whole centimetres, which is what ArduPilot keeps."""
-    return round(float(how.altitude_m), 2)
+    return round(float(how.altitude_m) + higher_m, 2)

@@ -7,8 +7,10 @@ holds too.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.files import write_whole
@@ -16,7 +18,11 @@ from dslam_mav.mission import Mission, has_home_item
 from missions import plan_json, plan_wpl
 from missions.plan_fields import shown
 
-_WRITERS = {".plan": plan_json.text_of, ".waypoints": plan_wpl.text_of, ".txt": plan_wpl.text_of}
+_WRITERS: dict[str, Callable[[Mission], str]] = {
+    ".plan": plan_json.text_of,
+    ".waypoints": plan_wpl.text_of,
+    ".txt": plan_wpl.text_of,
+}
 _LARGEST_BYTES = 64 * 2**20
 
 
@@ -56,24 +62,27 @@ def read_plan(path: str | os.PathLike[str]) -> PlanFile:
     return parse_plan(data, str(source))
 
 
-def plan_bytes(mission: Mission, ending: str = ".plan") -> bytes:
-    """The mission as a file of this ending holds it; BadInputError on an unknown ending or no items."""
+def plan_bytes(mission: Mission, ending: str = ".plan", fence: dict[str, Any] | None = None) -> bytes:
+    """The mission as a file of this ending holds it, a `.plan` with the `geoFence` object given; BadInputError on an
+    unknown ending or no items.
+    """
     writer = _WRITERS.get(ending.lower())
     if writer is None:
         raise BadInputError(f"ending {ending!r}: expected {', '.join(_WRITERS)}")
     if len(mission.items) <= has_home_item(mission):
         raise BadInputError("the mission is empty: expected at least one item to write")
     try:
-        return writer(mission).encode("utf-8")
+        text = plan_json.text_of(mission, fence) if writer is plan_json.text_of else writer(mission)
+        return text.encode("utf-8")
     except ValueError:
         raise BadInputError("the mission has no home and no position: expected one to write it") from None
 
 
-def write_plan(path: str | os.PathLike[str], mission: Mission) -> None:
+def write_plan(path: str | os.PathLike[str], mission: Mission, fence: dict[str, Any] | None = None) -> None:
     """Write `.plan`, `.waypoints` or `.txt`, whole or not at all; BadInputError names the file and why."""
     target = Path(path)
     try:
-        data = plan_bytes(mission, target.suffix)
+        data = plan_bytes(mission, target.suffix, fence)
     except BadInputError as error:
         raise BadInputError(f"{target}: {error}") from None
     write_whole(target, data, BadInputError)

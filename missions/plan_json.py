@@ -45,15 +45,15 @@ _WITH_ALTITUDE = frozenset({CMD_WAYPOINT, CMD_TAKEOFF, CMD_LAND})
 def parse(text: str, file: str) -> tuple[Mission, tuple[str, ...]]:
     """The mission in a `.plan`'s text, and notes; BadInputError names file, field and value."""
     spot = Spot(file)
-    root = _load(text, file)
-    if _get(spot, root, "fileType", str, '"Plan"') != "Plan":
+    root = load(text, file)
+    if get(spot, root, "fileType", str, '"Plan"') != "Plan":
         raise spot.error("fileType", root["fileType"], '"Plan"')
     _version(spot, root, FILE_VERSION)
-    mission = _get(spot, root, "mission", dict, "an object")
+    mission = get(spot, root, "mission", dict, "an object")
     inside = spot.at("mission.")
     _version(inside, mission, MISSION_VERSION)
     reader = _Reader(ItemMaker(_PARAMS))
-    reader.read_all(inside, "items", _get(inside, mission, "items", list, "a list of items"))
+    reader.read_all(inside, "items", get(inside, mission, "items", list, "a list of items"))
     if not reader.items:
         raise inside.error("items", [], "at least one item")
     home = _home(inside, mission, reader.maker.notes)
@@ -62,8 +62,8 @@ def parse(text: str, file: str) -> tuple[Mission, tuple[str, ...]]:
     return mission_read, tuple(reader.maker.notes)
 
 
-def text_of(mission: Mission) -> str:
-    """The mission as `.plan` text; a mission without any known place is a ValueError."""
+def text_of(mission: Mission, fence: dict[str, Any] | None = None) -> str:
+    """The mission as `.plan` text, with the `geoFence` object given; one without any known place is a ValueError."""
     home = home_of(mission)
     if home is None:
         raise ValueError("home: the mission has no position to take it from")
@@ -72,7 +72,7 @@ def text_of(mission: Mission) -> str:
     speed = max(1, round(speeds[0])) if speeds else 5  # Mission Planner reads whole numbers only
     plan = {
         "fileType": "Plan",
-        "geoFence": {"circles": [], "polygons": [], "version": FENCE_VERSION},
+        "geoFence": fence or {"circles": [], "polygons": [], "version": FENCE_VERSION},
         "groundStation": "QGroundControl",
         "mission": {
             "cruiseSpeed": speed,
@@ -138,7 +138,7 @@ class _Reader:
         if not isinstance(item, dict):
             raise spot.error("", item, "an object")
         inside = spot.at(".")
-        kind = _get(inside, item, "type", str, "SimpleItem or ComplexItem")
+        kind = get(inside, item, "type", str, "SimpleItem or ComplexItem")
         if kind == "SimpleItem":
             self._simple(inside, item)
         elif kind == "ComplexItem":
@@ -149,22 +149,22 @@ class _Reader:
     def _simple(self, spot: Spot, item: dict[str, Any]) -> None:
         if len(self.items) >= MOST_ITEMS:
             raise spot.error("doJumpId", len(self.items) + 1, f"at most {MOST_ITEMS} items")
-        params = _get(spot, item, "params", list, "a list of 7 numbers")
+        params = get(spot, item, "params", list, "a list of 7 numbers")
         if len(params) != 7:
             raise spot.error("params", params, f"7 numbers, got {len(params)}")
         for name, number in zip(_PARAMS, params, strict=True):
             if number is not None and (isinstance(number, bool) or not isinstance(number, int | float)):
                 raise spot.error(name, number, "a number or null")
-        command = _get(spot, item, "command", int, "a command's number")
-        frame = _get(spot, item, "frame", int, "a frame's number")
-        autocontinue = _get(spot, item, "autoContinue", bool, "true or false")
-        jump_id = _get(spot, item, "doJumpId", int, "a whole number") if "doJumpId" in item else len(self.items) + 1
+        command = get(spot, item, "command", int, "a command's number")
+        frame = get(spot, item, "frame", int, "a frame's number")
+        autocontinue = get(spot, item, "autoContinue", bool, "true or false")
+        jump_id = get(spot, item, "doJumpId", int, "a whole number") if "doJumpId" in item else len(self.items) + 1
         self.place_of_id.setdefault(jump_id, len(self.items))
         self.items.append(self.maker.make(spot, command, frame, params, autocontinue))
         self.spots.append(spot)
 
     def _complex(self, spot: Spot, item: dict[str, Any]) -> None:
-        kind = _get(spot, item, "complexItemType", str, "a name")
+        kind = get(spot, item, "complexItemType", str, "a name")
         style = item.get("TransectStyleComplexItem")
         inner = style.get("Items") if isinstance(style, dict) else None
         if not isinstance(inner, list) or not inner:
@@ -209,7 +209,8 @@ def _home(spot: Spot, mission: dict[str, Any], notes: list[str]) -> Home | None:
         raise spot.error(name, place, "degrees of -90 to 90 and -180 to 180, and metres") from None
 
 
-def _load(text: str, file: str) -> dict[str, Any]:
+def load(text: str, file: str) -> dict[str, Any]:
+    """The JSON object in a file's text; BadInputError names what is none."""
     try:
         root = json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
@@ -231,7 +232,8 @@ def _refuse_constant(name: str) -> None:
     raise _NoJsonNumberError(name)
 
 
-def _get(spot: Spot, owner: dict[str, Any], name: str, kind: type, expected: str) -> Any:
+def get(spot: Spot, owner: dict[str, Any], name: str, kind: type, expected: str) -> Any:
+    """A field of the right kind; BadInputError where it is missing or another."""
     if name not in owner:
         raise spot.missing(name, expected)
     value = owner[name]
@@ -241,5 +243,5 @@ def _get(spot: Spot, owner: dict[str, Any], name: str, kind: type, expected: str
 
 
 def _version(spot: Spot, owner: dict[str, Any], supported: int) -> None:
-    if _get(spot, owner, "version", int, str(supported)) != supported:
+    if get(spot, owner, "version", int, str(supported)) != supported:
         raise spot.error("version", owner["version"], str(supported))

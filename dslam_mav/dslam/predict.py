@@ -1,4 +1,4 @@
-"""Before take-off: how well a mission will see (theory, section 9). The bound at one layout, and over many.
+"""Before take-off: how well a mission will see one layout of sources (theory, section 9); over many, `expected`.
 
 The information matrix needs no readings, only the path, the sources and the noise. It is local: it cannot see that a
 second answer may fit as well, and is therefore a lower bound of what a flight will give.
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dslam_mav.dslam.arguments import check_mission
 from dslam_mav.dslam.bound import aligned_columns, blocks, information, source_columns
+from dslam_mav.dslam.expected import UNIDENTIFIED_SPREADS
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.path import path_columns
 from dslam_mav.dslam.priors import CLOSED_SHARE
@@ -22,13 +23,6 @@ from dslam_mav.records import Flight, Leg, Medium, Sources, read_only
 from dslam_mav.records.arrays import finite
 
 Array = NDArray[np.float64]
-
-UNIDENTIFIED_SPREADS = 2.0  # of √C: a source less sure than this is not identified
-LAYOUTS = 200
-READINGS_PER_SPREAD = 20.0
-MOST_READINGS = 2000  # in all: what more would add is smaller than what layouts differ by
-APART_SPREADS = 0.8
-AMPLITUDE_RATIO = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,85 +136,3 @@ def _bound(prob: Problem, state: State, noise_sd: float) -> Bound:
         vertex_sd_m=np.sqrt(np.maximum(vertex, 0.0)),
         identifiable=worst < UNIDENTIFIED_SPREADS * state.spread,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Outlook:
-    """What a mission can be expected to see, over random layouts: RMS errors in metres, median and 90 % (infinite where
-    the sources cannot be identified)."""
-
-    source_median_m: float
-    source_p90_m: float
-    aligned_median_m: float
-    path_median_m: float
-    path_p90_m: float
-    unidentifiable_share: float
-
-
-@dataclass(frozen=True, slots=True)
-class Layouts:
-    """Where sources may be: K of them uniform in an area of `area_m` about `centre_m`, at least 0.8 √C apart.
-
-    Amplitudes lie within a factor four; the noise lies `snr_db` below a layout's mean squared reading.
-    """
-
-    k_sources: int
-    spread_m: float
-    area_m: tuple[float, float]
-    centre_m: tuple[float, float]
-    snr_db: float = 20.0
-
-
-def outlook(vertices_m: ArrayLike, medium: Medium, layouts: Layouts, rng: np.random.Generator) -> Outlook:
-    """The bound over `LAYOUTS` random layouts, 20 readings a spread."""
-    path = np.asarray(vertices_m, dtype=np.float64)
-    mean_leg = float(np.linalg.norm(np.diff(path, axis=0), axis=1).mean())
-    readings = max(8, min(round(READINGS_PER_SPREAD * mean_leg / layouts.spread_m), MOST_READINGS // (len(path) - 1)))
-    rows = []
-    for _ in range(LAYOUTS):
-        sources = _random_sources(layouts, rng)
-        prob = _unread(np.diff(path, axis=0), medium, readings, 1.0)
-        here = bound(
-            path, sources, medium, readings_per_leg=readings, speed_m_s=1.0,
-            noise_sd=_noise(prob, path, sources, layouts),
-        )  # fmt: skip
-        errors = [
-            np.sqrt(np.trace(here.position_covariance_m2, axis1=1, axis2=2).mean()),
-            np.sqrt(np.trace(here.aligned_covariance_m2, axis1=1, axis2=2).mean()),
-            np.sqrt((here.vertex_sd_m**2).mean()),
-        ]
-        rows.append([*(errors if here.identifiable else [np.inf] * 3), not here.identifiable])
-    source, aligned, vertex, blind = np.array(rows, dtype=np.float64).T
-    return Outlook(
-        float(np.median(source)),
-        float(np.percentile(source, 90, method="higher")),
-        float(np.median(aligned)),
-        float(np.median(vertex)),
-        float(np.percentile(vertex, 90, method="higher")),
-        float(blind.mean()),
-    )
-
-
-def _random_sources(layouts: Layouts, rng: np.random.Generator) -> Sources:
-    k, half = layouts.k_sources, 0.5 * np.asarray(layouts.area_m)
-    apart = APART_SPREADS * layouts.spread_m
-    for _ in range(1000):
-        places = np.asarray(layouts.centre_m) + rng.uniform(-1.0, 1.0, (k, 2)) * half
-        gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + np.diag(np.full(k, np.inf))
-        if gaps.min() >= apart:
-            break
-    else:
-        east_m, north_m = layouts.area_m
-        raise ValueError(f"{k} sources {apart:.3g} m apart do not fit into {east_m:.3g} × {north_m:.3g} m")
-    peak = AMPLITUDE_RATIO ** (rng.random(k) - 0.5)
-    return Sources(places, peak * np.pi * layouts.spread_m**2, peak, np.full(k, np.nan))
-
-
-def _noise(prob: Problem, path: Array, sources: Sources, layouts: Layouts) -> float:
-    """The noise that lies `snr_db` below this layout's mean squared reading."""
-    step = np.diff(path, axis=0)
-    along = (step / np.linalg.norm(step, axis=1)[:, None])[prob.leg]
-    places = path[prob.leg] + prob.s[:, None] * along
-    distance2 = ((places[:, None] - sources.position_m[None]) ** 2).sum(axis=2)
-    reading = (sources.peak_reading * np.exp(-distance2 / layouts.spread_m**2)).sum(axis=1)
-    return float(np.sqrt(np.mean(reading**2) / 10.0 ** (layouts.snr_db / 10.0)))

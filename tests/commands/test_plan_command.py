@@ -20,7 +20,8 @@ def test_every_pattern_can_be_planned_and_written(tmp_path: Path, pattern: str) 
     for ending in (".plan", ".waypoints"):
         file = tmp_path / f"p{ending}"
         done = run("plan", "--pattern", pattern, "--leg", 20, "-o", file, "--json")
-        assert (done.code, done.err) == (0, "")
+        assert done.code == 0
+        assert done.err == "" if pattern.startswith("star") else done.err.startswith("warning: ")
         said = done.object
         assert {"predicted", "length_m", "verdict", "plan"} <= set(said)
         assert said["plan"] == str(file)
