@@ -88,7 +88,7 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     if against is not None and verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS):
         verdict, reason = Verdict.MODEL_MISFIT, against
     unseen, told = best.unseen_directions, best.diagnostics
-    if _only_shape(answers.problem) and verdict is not Verdict.NOT_CONVERGED:
+    if without_scale(answers.problem) and answers.problem.known.points is None and verdict is not Verdict.NOT_CONVERGED:
         verdict, reason = Verdict.NOT_IDENTIFIABLE, ONLY_SHAPE
         unseen, told = (SCALE, *unseen[1:]), {**told, "shape": _shape(best)}
     elif _level(answers.problem) and verdict is not Verdict.NOT_CONVERGED:
@@ -116,11 +116,6 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
 def _told_by_readings(prob: Problem) -> Problem:
     """Without the prior on strength along a curve: where answers are a continuum, it alone would bound some of them."""
     return prob if prob.basis is None else replace(prob, known=replace(prob.known, peak=None))
-
-
-def _only_shape(prob: Problem) -> bool:
-    """Whether nothing at all says how large a parametric path is."""
-    return without_scale(prob) and prob.known.points is None
 
 
 def _level(prob: Problem) -> bool:

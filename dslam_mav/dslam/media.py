@@ -28,7 +28,7 @@ Medium = tuple[float, float]  # ln C and ln 4μ at the first reading
 
 REACHES = (REACH_SPREADS, 3.5)  # of the rounds of a pair
 MAX_ROUNDS = 36
-QUIET_ROUNDS = (4, 4, 4, 4, 6)  # in a row that bring no news, for K = 1 … 5 and more
+QUIET_ROUNDS = (4, 6, 4, 4, 6)  # in a row that bring no news, for K = 1 … 5 and more
 HITS = 3  # rounds that must have led to the best answer
 REFINED = 4  # modes of each round fitted with C free
 REFINED_WINDOW = 12.0  # of χ² at the round's own C, …

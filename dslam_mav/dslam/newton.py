@@ -17,21 +17,21 @@ from dslam_mav.dslam.state import Layout, State, layout, moved
 Array = NDArray[np.float64]
 
 ITERATIONS = 30
-DIFFERENCE = 1e-5  # of what changes the readings as much as they vary: the gradient's differences are across twice that
+DIFFERENCE = 1e-5  # of what changes the readings as much as they vary: across it the gradient's differences are taken
 FLATTEST = 1e-6  # of the steepest curvature
 FIRST_DAMPING = 1e-6
 MOST_DAMPING = 1e4
 
 
-def hessian(prob: Problem, state: State, at: Layout, size: Array) -> Array:
+def _hessian(prob: Problem, state: State, at: Layout, gradient: Array, size: Array) -> Array:
     """(P, P) second derivatives of half the cost, every parameter counted in units of 1/size."""
     columns = []
     difference = DIFFERENCE * float(np.linalg.norm(prob.y - prob.y.mean()))
     for p in range(at.size):
         step = np.zeros(at.size)
         step[p] = difference / size[p]
-        ahead, behind = (_gradient(*evaluate(prob, moved(prob, state, way * step, at), at)) for way in (1.0, -1.0))
-        columns.append((ahead - behind) / (2.0 * difference * size))
+        ahead = _gradient(*evaluate(prob, moved(prob, state, step, at), at))
+        columns.append((ahead - gradient) / (difference * size))
     rows = np.array(columns)
     return 0.5 * (rows + rows.T)
 
@@ -44,8 +44,9 @@ def newton(prob: Problem, state: State, gain: float) -> tuple[State, bool]:
     for _ in range(ITERATIONS):
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0.0] = 1.0
-        slope = _gradient(residual, jacobian) / size
-        values, vectors = np.linalg.eigh(hessian(prob, state, at, size))
+        gradient = _gradient(residual, jacobian)
+        slope = gradient / size
+        values, vectors = np.linalg.eigh(_hessian(prob, state, at, gradient, size))
         least = FLATTEST * np.abs(values).max()
         while damping < MOST_DAMPING:
             curvature = np.maximum(np.abs(values), least) + damping

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from dslam_mav.records import Estimate
 
 Array = NDArray[np.float64]
 
+THREADS = 2  # as the search; the fits are the same whatever their number
 HEAT = 6  # iterations all starts are given
 FAR_BEHIND = 40.0  # in χ², after them
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
@@ -170,7 +172,8 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
 
 def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
     """Fits from all states, best first: after a few iterations those far behind, or where another is, give up."""
-    pool: Sequence[Fit] = [fit(prob, state, iterations=HEAT) for state in states]
+    with ThreadPoolExecutor(THREADS) as threads:
+        pool = list(threads.map(lambda state: fit(prob, state, iterations=HEAT), states))
     ordered = sorted((f for f in pool if np.isfinite(f.cost)), key=lambda f: f.cost)
     kept: list[Fit] = []
     for f in ordered:
@@ -179,7 +182,8 @@ def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
             break
         if all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
             kept.append(f)
-    return _settled([f if f.converged else fit(prob, f.state) for f in kept])
+    with ThreadPoolExecutor(THREADS) as threads:
+        return _settled(list(threads.map(lambda f: f if f.converged else fit(prob, f.state), kept)))
 
 
 def _settled(fits: list[Fit]) -> list[Fit]:
