@@ -25,6 +25,7 @@ lint: $(VENV)/installed-dev
 
 bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench
+	$(BIN)/python -m tests.bench.counting
 	$(BIN)/python -m tests.bench.speed
 	$(BIN)/python -m tests.bench.plans
 	$(BIN)/python -m tests.bench.recorded_fields
