@@ -93,7 +93,7 @@ def test_a_source_that_cools_is_never_called_sure(k_sources):
     """Ambient unknown: the misfit is a few percent of the range, but many times the noise."""
     verdicts = [estimate(_cold_scene(seed, k_sources), MEDIUM, k_sources).verdict for seed in range(5)]
     assert Verdict.IDENTIFIED not in verdicts
-    assert verdicts.count(Verdict.AMBIGUOUS) <= 1  # its misfit is no larger than a copter's drift leaves
+    assert verdicts.count(Verdict.AMBIGUOUS) <= 2  # their misfit is about what a copter's drift leaves
 
 
 @pytest.mark.parametrize(("k_sources", "seed", "snr_db"), [(2, 801, 30.0), (3, 800, 20.0), (3, 802, 40.0)])
