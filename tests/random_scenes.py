@@ -191,7 +191,7 @@ def bound_at_truth(case: Case) -> float:
 def truth_fit(case: Case) -> fitting.Fit:
     """The joint fit started at the truth."""
     prob = posing.problem(case.flight, case.medium)
-    return fitting.fit(prob, _truth(case, prob))
+    return fitting.settled(prob, fitting.fit(prob, _truth(case, prob)))
 
 
 def truth_basin(case: Case) -> fitting.Fit:
@@ -207,7 +207,7 @@ def truth_basin(case: Case) -> fitting.Fit:
         step = -np.linalg.lstsq(jacobian / size, residual, rcond=1e-6)[0] / size
         longest = float(np.abs(np.delete(step, np.r_[at.ambient])).max())
         state = moved(prob, state, min(FLOW_STEP, FLOW_MOST / longest) * step, at)
-    return fitting.fit(prob, state)
+    return fitting.settled(prob, fitting.fit(prob, state))
 
 
 def _truth(case: Case, prob: posing.Problem) -> State:

@@ -93,7 +93,7 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
         unseen, told = (SCALE, *unseen[1:]), {**told, "shape": _shape(best)}
     elif _level(answers.problem) and verdict is not Verdict.NOT_CONVERGED:
         verdict, reason = Verdict.NOT_IDENTIFIABLE, LEVEL
-    if (flat := certify.unseen(flight, medium.ambient, best, answers.freedom_inside)) is not None:
+    if (flat := certify.unseen(flight, medium.ambient, best)) is not None:
         verdict, reason = Verdict.NOT_IDENTIFIABLE, flat
     if verdict in WITHOUT_POSITIONS:
         empty = nothing(flight, medium, len(best.sources), verdict, reason)

@@ -96,18 +96,19 @@ def noise(cost: float, n: int, n_parameters: int, outside: tuple[float, int], sp
     return Noise(pooled, s_in, s_out, p_value, share)
 
 
-def unseen(flight: Flight, ambient: float | None, best: Estimate, freedom_inside: int) -> str | None:
+def unseen(flight: Flight, ambient: float | None, best: Estimate) -> str | None:
     """Why the answer is no more than noise would give, the level alone doing as well by BIC; None where sources show.
 
-    Residuals that are not white count as the numbers the legs can carry (K unknown: `estimator._more_is_better`).
+    Residuals that are not white are no noise: something shows that the answer does not explain.
     """
+    if best.diagnostics["whiteness_p"] < MISFIT_P_VALUE:
+        return None
     readings = np.concatenate([p.reading for p in flight.legs or (flight.parametric,) if p is not None])
     level = float(readings.mean()) if ambient is None else ambient
     flat = float((((readings - level) / float(np.ptp(readings))) ** 2).sum())
-    coloured = best.diagnostics["whiteness_p"] < MISFIT_P_VALUE
-    n = min(readings.size, freedom_inside) if coloured else readings.size
     extra = len(best.parameter_names) - int(ambient is None)
-    if n * np.log(max(best.diagnostics["cost"], 1e-300) / max(flat, 1e-300)) + extra * np.log(n) < 0.0:
+    gain = readings.size * np.log(max(flat, 1e-300) / max(best.diagnostics["cost"], 1e-300))
+    if gain > extra * np.log(readings.size):
         return None
     return f"No source is seen: a constant level of {level:.3g} explains the readings as well."
 

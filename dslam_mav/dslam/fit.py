@@ -58,8 +58,13 @@ def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit
     step therefore carries its second-order correction, from one more residual (geodesic acceleration; Transtrum and
     Sethna, "Improvements to the Levenberg-Marquardt algorithm", arXiv:1201.5885).
     """
-    f = _compiled(prob, start, iterations) if _plain(prob) else _general(prob, start, iterations)
-    if f.converged or iterations < MAX_ITERATIONS or not np.isfinite(f.cost):
+    with np.errstate(over="ignore", invalid="ignore"):  # a step may lead anywhere; no worker thread inherits the caller's
+        return _compiled(prob, start, iterations) if _plain(prob) else _general(prob, start, iterations)
+
+
+def settled(prob: Problem, f: Fit) -> Fit:
+    """Where a fit crawls on, Newton's steps from there."""
+    if f.converged or not np.isfinite(f.cost):
         return f
     state, converged = newton(prob, f.state, CONVERGED_GAIN * (f.cost + prob.outside) / prob.n_readings)
     residual = residual_of(prob, state)

@@ -40,13 +40,17 @@ def newton(prob: Problem, state: State, gain: float) -> tuple[State, bool]:
     """The minimum that `state` lies near, and whether steps came to gain less than `gain` of the cost."""
     at = layout(prob, len(state.s))
     residual, jacobian = evaluate(prob, state, at)
+    off = residual
     cost, damping = float(residual @ residual), FIRST_DAMPING
     for _ in range(ITERATIONS):
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0.0] = 1.0
         gradient = _gradient(residual, jacobian)
         slope = gradient / size
-        values, vectors = np.linalg.eigh(_hessian(prob, state, at, gradient, size))
+        bend = _hessian(prob, state, at, gradient, size)
+        if not np.isfinite(bend).all():
+            return state, False
+        values, vectors = np.linalg.eigh(bend)
         least = FLATTEST * np.abs(values).max()
         while damping < MOST_DAMPING:
             curvature = np.maximum(np.abs(values), least) + damping
@@ -57,7 +61,7 @@ def newton(prob: Problem, state: State, gain: float) -> tuple[State, bool]:
                 break
             damping = max(10.0 * damping, FIRST_DAMPING)
         else:
-            return state, True
+            return state, bool(np.isfinite(off).all())
         state, before = trial, cost
         damping *= 0.1
         residual, jacobian = evaluate(prob, state, at)

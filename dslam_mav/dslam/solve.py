@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
-from dslam_mav.dslam.fit import Fit, fit
+from dslam_mav.dslam.fit import Fit, fit, settled
 from dslam_mav.dslam.media import apart, media_starts
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Known, Problem
@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 THREADS = 2  # as the search; the fits are the same whatever their number
 HEAT = 6  # iterations all starts are given
+CRAWLING = 8  # of the best: taken on by Newton's steps where they have not settled
 FAR_BEHIND = 40.0  # in χ², after them
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
 EXTENT_GAIN = 12.0  # Δχ² from which a free shape is believed
@@ -167,7 +168,7 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)
-    return tight, _settled([fit(tight, state) for state in both_sides(tight, again)])
+    return tight, _raced(tight, both_sides(tight, again))
 
 
 def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
@@ -183,7 +184,9 @@ def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
         if all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
             kept.append(f)
     with ThreadPoolExecutor(THREADS) as threads:
-        return _settled(list(threads.map(lambda f: f if f.converged else fit(prob, f.state), kept)))
+        kept = sorted(threads.map(lambda f: f if f.converged else fit(prob, f.state), kept), key=lambda f: f.cost)
+    within = kept[0].cost + WINDOW * (kept[0].cost + prob.outside) / prob.n_readings if kept else 0.0
+    return _settled([settled(prob, f) if i < CRAWLING and f.cost < within else f for i, f in enumerate(kept)])
 
 
 def _settled(fits: list[Fit]) -> list[Fit]:
