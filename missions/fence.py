@@ -19,6 +19,7 @@ Flags = NDArray[np.bool_]
 CIRCLE_SIDES = 36
 TOUCH_M = 1e-6
 SAMPLES = 64  # of a leg
+ROOM_HALVINGS = 10  # of the extent: to a thousandth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +59,27 @@ class Fence:
             best = np.where(nearer, signed, best)
             way = np.where(nearer[:, None], gain, way)
         return best, way
+
+    def room(self, wanted_m: float) -> float:
+        """Metres a place has to all bounds: of the first found with `wanted_m` or more, else the most there is."""
+        if not self.within:
+            return math.inf
+        low, high = self.extent()
+        half = 0.5 * (high - low)
+        if not (half > 0.0).all():
+            return -math.inf
+        middles, most = (0.5 * (low + high))[None], -math.inf
+        for _ in range(ROOM_HALVINGS):
+            clear = self.clearance(middles)[0]
+            most = max(most, float(clear.max()))
+            # no place of a box is farther from the bounds than its middle by more than half the diagonal
+            hopeful = middles[clear + np.linalg.norm(half) > most]
+            if most >= wanted_m or not len(hopeful):
+                break
+            half = 0.5 * half
+            quarters = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+            middles = (hopeful[:, None] + quarters).reshape(-1, 2)
+        return most
 
     def lets_pass(self, vertices_m: ArrayLike, margin_m: float = 0.0) -> bool:
         """Whether every leg of the path (L+1, 2) lies where it may, exactly."""

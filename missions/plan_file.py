@@ -28,10 +28,11 @@ _LARGEST_BYTES = 64 * 2**20
 
 @dataclass(frozen=True, slots=True)
 class PlanFile:
-    """A mission as read, and notes: a sentence for each thing that was changed."""
+    """A mission as read, notes: a sentence for each thing that was changed, and the `geoFence` object a `.plan` has."""
 
     mission: Mission
     notes: tuple[str, ...] = ()
+    fence: dict[str, Any] | None = None
 
 
 def parse_plan(data: bytes, name: str) -> PlanFile:

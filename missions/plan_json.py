@@ -42,8 +42,8 @@ _ALTITUDE_MODE = {0: 2, 3: 1, 10: 4}  # absolute, relative to home, above terrai
 _WITH_ALTITUDE = frozenset({CMD_WAYPOINT, CMD_TAKEOFF, CMD_LAND})
 
 
-def parse(text: str, file: str) -> tuple[Mission, tuple[str, ...]]:
-    """The mission in a `.plan`'s text, and notes; BadInputError names file, field and value."""
+def parse(text: str, file: str) -> tuple[Mission, tuple[str, ...], dict[str, Any] | None]:
+    """The mission in a `.plan`'s text, notes, its `geoFence` as it is; BadInputError names file, field and value."""
     spot = Spot(file)
     root = load(text, file)
     if get(spot, root, "fileType", str, '"Plan"') != "Plan":
@@ -59,7 +59,8 @@ def parse(text: str, file: str) -> tuple[Mission, tuple[str, ...]]:
     home = _home(inside, mission, reader.maker.notes)
     found = reader.resolved()
     mission_read = Mission(found) if home is None else with_home_before(found, home)
-    return mission_read, tuple(reader.maker.notes)
+    fence = root.get("geoFence")
+    return mission_read, tuple(reader.maker.notes), fence if isinstance(fence, dict) else None
 
 
 def text_of(mission: Mission, fence: dict[str, Any] | None = None) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dslam_mav.commands.plan_advice import advice
 from dslam_mav.commands.plan_making import Planned, find_plan
 from dslam_mav.commands.plan_prior import expectation
 from dslam_mav.commands.screen import Screen
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from dslam_mav.commands.plan_simulate import Simulated
     from dslam_mav.dslam.outlook import Outlook
 
+MOST_READINGS = 1e6  # of a simulated flight
 MUCH_LONGER = 30.0  # times: no advice
 
 
@@ -35,11 +37,11 @@ def run(options: Namespace) -> int:
     expected = expectation(options, path, planned.prior, planned.fence, planned.speed_m_s)
     seen = _seen(path, expected)
     _reach(options, seen, float(lengths_m.sum()))
-    if options.output:
-        write_plan(Path(options.output), planned.mission, planned.raw_fence)
+    _readings(options, expected.sensing.readings_per_m * float(lengths_m.sum()))
+    _write(options, planned, screen)
     _tell_legs(screen, planned.name, legs, lengths_m)
     flown = _simulated(options, path, expected, screen)
-    instead = _judge(screen, planned, path, seen, expected)
+    instead = _judge(options, screen, planned, path, seen, expected)
     if flown is not None:
         from dslam_mav.commands.plan_words import realised
 
@@ -66,6 +68,14 @@ def run(options: Namespace) -> int:
     return 0
 
 
+def _write(options: Namespace, planned: Planned, screen: Screen) -> None:
+    if not options.output:
+        return
+    write_plan(Path(options.output), planned.mission, planned.raw_fence)
+    if planned.fenced and Path(options.output).suffix.lower() != ".plan":
+        screen.warn(f"{options.output} cannot hold the geofence: a .plan does")
+
+
 def _seen(path: Array, expected: Expectation) -> Outlook:
     from dslam_mav.dslam.outlook import outlook
 
@@ -75,20 +85,19 @@ def _seen(path: Array, expected: Expectation) -> Outlook:
         raise BadInputError(f"--spread: {problem}") from None
 
 
-def _judge(screen: Screen, planned: Planned, path: Array, seen: Outlook, expected: Expectation) -> dict[str, Any]:
+def _judge(
+    options: Namespace, screen: Screen, planned: Planned, path: Array, seen: Outlook, expected: Expectation
+) -> dict[str, Any]:
     """Say figures and verdict; of a poor plan why, and what to fly instead."""
     from dslam_mav.commands.plan_words import instead_json, predicted, verdict, warning
-    from dslam_mav.dslam.outlook import reason
-    from missions.nearest import nearest_that_sees
 
     screen.say(predicted(seen, expected))
     screen.say(verdict(seen))
     if not seen.poor:
         return {"reason": None, "instead": None}
-    middle = expected.prior.region.middle
-    why = reason(path, expected.groups, expected.sensing)
-    instead = nearest_that_sees(path, seen, expected.groups, expected.sensing, (float(middle[0]), float(middle[1])))
-    screen.warn(f"{planned.name} sees badly: {warning(why, instead, planned.home)}")
+    why, instead = advice(options, planned, path, seen, expected)
+    limited = bool(options.turn) or bool(planned.fence)
+    screen.warn(f"{planned.name} sees badly: {warning(why, instead, planned.home, limited)}")
     return {"reason": why, "instead": instead_json(instead, planned.home)}
 
 
@@ -99,6 +108,15 @@ def _simulated(options: Namespace, path: Array, expected: Expectation, screen: S
 
     with screen.progress("simulated missions") as advance:
         return simulate(path, expected, options.simulate, options.workers, options.seed, advance)
+
+
+def _readings(options: Namespace, count: float) -> None:
+    """BadInputError where a flight has more than can be simulated."""
+    if options.simulate is not None and count > MOST_READINGS:
+        raise BadInputError(
+            f"--simulate {options.simulate}: {count:.2g} readings a flight: expected at most {MOST_READINGS:g}; "
+            "give a larger --spacing or a lower --rate"
+        )
 
 
 def _reach(options: Namespace, seen: Outlook, length_m: float) -> None:

@@ -84,6 +84,17 @@ def _check(options: Namespace, fence: Fence | None, spread_m: float) -> None:
                 f"--fence {options.fence}: too small: {room:.3g} m², expected {least:.3g} m² or more for "
                 f"√C {spread_m:.3g} m"
             )
+        _check_margin(options, fence)
+
+
+def _check_margin(options: Namespace, fence: Fence) -> None:
+    margin_m = options.margin or 0.0
+    room_m = fence.room(margin_m)
+    if room_m < margin_m:
+        most = f"at most {room_m:.3g}" if room_m > 0.0 else "a fence with room in it"
+        raise BadInputError(
+            f"--fence {options.fence}: --margin {margin_m:g}: no place lies so far from its bounds: expected {most}"
+        )
 
 
 def _anchor(centre_m: tuple[float, float] | None, fence: Fence | None, spread_m: float) -> Array:

@@ -53,6 +53,11 @@ class Planned:
     home: str | None = None
     prior: Prior | None = None
 
+    @property
+    def fenced(self) -> bool:
+        """Whether its file has any zone to keep in or out of."""
+        return any((self.raw_fence or {}).get(zones) for zones in ("polygons", "circles"))
+
 
 def find_plan(options: Namespace, screen: Screen) -> Planned:
     """The plan read or made, and its name."""
@@ -79,7 +84,8 @@ def _read(options: Namespace, geofence: GeoFence | None, screen: Screen) -> Plan
         Path(options.plan).name,
         options.speed or (float(speeds[0]) if speeds else DEFAULTS["speed"]),  # type: ignore[arg-type]
         geofence.around(home) if geofence and home else None,
-        home=f"{home.latitude_deg:.7f},{home.longitude_deg:.7f}" if home else None,
+        geofence.raw if geofence else file.fence,
+        home=_place(home) if home else None,
     )
 
 
@@ -116,9 +122,13 @@ def _make(options: Namespace, geofence: GeoFence | None, screen: Screen) -> Plan
     if options.climb:
         vertices = _climbing(vertices, options.climb)
     mission = plan_mission(vertices, home, profile)
-    return Planned(
-        mission, str(options.pattern), options.speed, fence, geofence.raw if geofence else None, options.home, prior
-    )
+    raw, where = (geofence.raw, _place(home)) if geofence else (None, None)
+    return Planned(mission, str(options.pattern), options.speed, fence, raw, options.home or where, prior)
+
+
+def _place(home: Home) -> str:
+    """As --home takes it."""
+    return f"{home.latitude_deg:.7f},{home.longitude_deg:.7f}"
 
 
 def _climbing(vertices: Array, climb_deg: float) -> Array:

@@ -3,9 +3,40 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable
 
-from dslam_mav.commands.options import ANY, COUNT, MAX_SOURCES, NOT_NEGATIVE, POSITIVE, SEED
+from dslam_mav.commands.options import ANY, COUNT, MAX_SOURCES, NOT_NEGATIVE, POSITIVE, SEED, number
+
+Parse = Callable[[str], float]
+
+
+def within(least: float, most: float, unit: str, *, or_none: bool = False) -> Parse:
+    """A number within limits, said with its unit where it is not; `or_none`: or 0."""
+    parse = number(float, least, f"{'0 or ' if or_none else ''}{least:g} to {most:g} {unit}".rstrip(), most=most)
+
+    def parse_or_none(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        return 0.0 if value == 0.0 else parse(text)
+
+    return parse_or_none if or_none else parse
+
+
+# Beyond these nothing is sensed or flown, and squares of squares no longer fit a float.
+SHORTEST_M, LONGEST_M = 1e-6, 1e7
+LENGTH = within(SHORTEST_M, LONGEST_M, "m")
+LENGTH_OR_NONE = within(SHORTEST_M, LONGEST_M, "m", or_none=True)
+SPEED = within(0.01, 100.0, "m/s")
+SNR = within(-60.0, 200.0, "dB")
+READING = within(1e-15, 1e15, "")
+RATE = within(1e-6, 1e6, "Hz")
+HEADING_SD = within(1e-6, 360.0, "degrees")
+DIFFUSIVITY = within(1e-12, 1e12, "m²/s")
+LEAST_AGE_S, MOST_AGE_S = 1e-6, 1e12
+DRAWN = number(int, 1, "a whole number from 1 to 100000", most=100_000)
 
 LAYOUTS = 200
 ONE_OR_RANGE = f"a whole number from 1 to {MAX_SOURCES}, or a range such as 2-4"
@@ -24,11 +55,11 @@ def add_plan(parser: argparse.ArgumentParser) -> None:
     _sensor(parser.add_argument_group("what is known of sensor and vehicle"))
     tried = parser.add_argument_group("predicted accuracy")
     tried.add_argument(
-        "--layouts", metavar="N", type=COUNT, default=LAYOUTS, help=f"of sources, drawn at random (default: {LAYOUTS})"
+        "--layouts", metavar="N", type=DRAWN, default=LAYOUTS, help=f"of sources, drawn at random (default: {LAYOUTS})"
     )
-    tried.add_argument("--simulate", metavar="N", type=COUNT, help="fly N simulated missions through the estimator too")
+    tried.add_argument("--simulate", metavar="N", type=DRAWN, help="fly N simulated missions through the estimator too")
     tried.add_argument("--workers", metavar="N", type=COUNT, help="processes (default: as many as cores)")
-    tried.add_argument("--target-sd", metavar="M", type=POSITIVE, help="the median error that is wanted, or exit 2")
+    tried.add_argument("--target-sd", metavar="M", type=LENGTH, help="the median error that is wanted, or exit 2")
     tried.add_argument("--seed", metavar="N", type=SEED, default=0, help="of layouts, noise, random turns (default: 0)")
 
 
@@ -42,15 +73,15 @@ def _made(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--first-heading", metavar="DEG", type=ANY, help="counter-clockwise from east (default 0)")
     group.add_argument("--altitude", metavar="M", type=POSITIVE, help="above home (default: 20)")
     group.add_argument("--climb", metavar="DEG", type=_climb, help="legs climb and descend in turn (3-D, barometer)")
-    group.add_argument("--speed", metavar="M_S", type=POSITIVE, help="(default: 5)")
+    group.add_argument("--speed", metavar="M_S", type=SPEED, help="(default: 5)")
     group.add_argument("--hold", metavar="S", type=NOT_NEGATIVE, help="wait at each corner (default: 0)")
 
 
 def _best(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--length", metavar="M", type=POSITIVE, help="in all (default: 22.4 √C, or 4.48 √C a leg)")
     group.add_argument("--fence", metavar="FILE", help="stay within the geofence of a .plan, out of its keep-out zones")
-    group.add_argument("--margin", metavar="M", type=NOT_NEGATIVE, help="from the fence (default: 0)")
-    group.add_argument("--turn", metavar="DEG..DEG", type=span(180.0), help="corners (default: 0..180)")
+    group.add_argument("--margin", metavar="M", type=LENGTH_OR_NONE, help="from the fence (default: 0)")
+    group.add_argument("--turn", metavar="DEG..DEG", type=span(0.0, 180.0), help="corners (default: 0..180)")
 
 
 def _sources(group: argparse._ArgumentGroup) -> None:
@@ -61,30 +92,30 @@ def _sources(group: argparse._ArgumentGroup) -> None:
         help="where they may be: a box in metres about the mission's middle (default: the fence, or the path's extent)",
     )
     group.add_argument(
-        "--spread", metavar="M|M..M", type=span(1e9, least=0.0),
+        "--spread", metavar="M|M..M", type=span(SHORTEST_M, LONGEST_M),
         help="√C; a range is estimated in flight (default: the longest leg over 3.2)",
     )  # fmt: skip
-    group.add_argument("--diffusivity", metavar="M2_S", type=POSITIVE, help="μ of a field that evolves; with --age")
-    group.add_argument("--age", metavar="S|S..S", type=span(1e12, least=0.0), help="t − τ at the start")
+    group.add_argument("--diffusivity", metavar="M2_S", type=DIFFUSIVITY, help="μ of a field that evolves; with --age")
+    group.add_argument("--age", metavar="S|S..S", type=span(LEAST_AGE_S, MOST_AGE_S), help="t − τ at the start")
     group.add_argument("--ambient", choices=("known", "auto"), default="known", help="auto: estimated in flight")
 
 
 def _sensor(group: argparse._ArgumentGroup) -> None:
     noise = group.add_mutually_exclusive_group()
-    noise.add_argument("--snr", metavar="DB", type=ANY, help="of readings on a star that fills the area (default: 20)")
-    noise.add_argument("--noise-sd", metavar="SD", type=POSITIVE, help="of a reading, in its unit; beside --peak")
-    group.add_argument("--peak", metavar="R", type=POSITIVE, default=1.0, help="a usual source's peak (default: 1)")
+    noise.add_argument("--snr", metavar="DB", type=SNR, help="of readings on a star that fills the area (default: 20)")
+    noise.add_argument("--noise-sd", metavar="SD", type=READING, help="of a reading, in its unit; beside --peak")
+    group.add_argument("--peak", metavar="R", type=READING, default=1.0, help="a usual source's peak (default: 1)")
     often = group.add_mutually_exclusive_group()
-    often.add_argument("--spacing", metavar="M", type=POSITIVE, help="between readings (default: √C/20)")
-    often.add_argument("--rate", metavar="HZ", type=POSITIVE, help="readings a second, at --speed")
-    group.add_argument("--heading-sd", metavar="DEG", type=POSITIVE, help="of the compass (default: none aboard)")
-    group.add_argument("--leg-sd", metavar="M", type=NOT_NEGATIVE, default=0.0, help="of a leg's length (default: 0)")
+    often.add_argument("--spacing", metavar="M", type=LENGTH, help="between readings (default: √C/20)")
+    often.add_argument("--rate", metavar="HZ", type=RATE, help="readings a second, at --speed")
+    group.add_argument("--heading-sd", metavar="DEG", type=HEADING_SD, help="of the compass (default: none aboard)")
+    group.add_argument("--leg-sd", metavar="M", type=LENGTH_OR_NONE, default=0.0, help="of a leg's length (default: 0)")
     group.add_argument("--closed", action="store_true", help="the estimator may take the path to close")
     group.add_argument("--dimensions", type=int, choices=(2, 3), help="3: climbs as the plan has them, known")
 
 
-def span(most: float, least: float | None = None) -> Callable[[str], tuple[float, float]]:
-    """One number or LOW..HIGH within limits; `least` None: from 0 on, else above it."""
+def span(least: float, most: float) -> Callable[[str], tuple[float, float]]:
+    """One number or LOW..HIGH within limits."""
 
     def parse(text: str) -> tuple[float, float]:
         parts = text.split("..")
@@ -92,11 +123,8 @@ def span(most: float, least: float | None = None) -> Callable[[str], tuple[float
             values = [float(part) for part in parts]
         except ValueError:
             values = []
-        above = values and (values[0] >= 0.0 if least is None else values[0] > least)
-        if len(values) not in (1, 2) or not (above and values[0] <= values[-1] <= most):
-            kind = "0 or more" if least is None else "above 0"
-            limit = f" and at most {most:g}" if least is None else ""
-            raise argparse.ArgumentTypeError(f"{text!r}: expected a number or LOW..HIGH, {kind}{limit}")
+        if len(values) not in (1, 2) or not least <= values[0] <= values[-1] <= most:
+            raise argparse.ArgumentTypeError(f"{text!r}: expected a number or LOW..HIGH, {least:g} to {most:g}")
         return (values[0], values[-1])
 
     return parse

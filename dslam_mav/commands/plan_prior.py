@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dslam_mav.commands.plan_options import LONGEST_M, SHORTEST_M
 from dslam_mav.errors import BadInputError
 from dslam_mav.records.arrays import Array
 from missions.fence import Fence
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 LEG_SPREADS = 3.2  # the leg the figures of star {7/3} are for
 READINGS_PER_SPREAD = 20.0
 SNR_DB = 20.0
+FAINTEST = 1e-15  # of the peak: no sensor's noise
 MOST_LEGS = 60  # with more, fewer layouts: the time grows with the cube
 
 
@@ -42,7 +44,13 @@ def spread_of(options: Namespace) -> tuple[float, float] | None:
         raise BadInputError("--spread with --diffusivity and --age: expected one of them")
     if ages:
         mu = float(options.diffusivity)
-        return math.sqrt(4.0 * mu * ages[0]), math.sqrt(4.0 * mu * ages[1])
+        low, high = (math.sqrt(4.0 * mu * age) for age in ages)
+        if not SHORTEST_M <= low <= high <= LONGEST_M:
+            raise BadInputError(
+                f"--diffusivity {mu:g} --age {ages[0]:g}..{ages[1]:g}: √C is {low:.3g} to {high:.3g} m: "
+                f"expected {SHORTEST_M:g} to {LONGEST_M:g} m"
+            )
+        return low, high
     return (float(options.spread[0]), float(options.spread[1])) if options.spread else None
 
 
@@ -78,8 +86,15 @@ def expected_in(
         asked = f"{low}" if low == high else f"{low}-{high}"
         raise BadInputError(f"--sources {asked}: {problem}; give a larger --area or less --spread") from None
     snr_db = SNR_DB if options.snr is None else options.snr
+    noise_sd = options.noise_sd or noise_below(groups, region, snr_db)
+    if options.noise_sd is None and not noise_sd >= FAINTEST * options.peak:
+        wide = " × ".join(f"{side:.3g}" for side in region.extent)
+        raise BadInputError(
+            f"--snr {snr_db:g}: on a star that fills {wide} m next to nothing is read for √C {prior.usual_spread_m:.3g}"
+            " m: expected a larger --spread, a smaller --area, or --noise-sd"
+        )
     sensing = Sensing(
-        noise_sd=options.noise_sd or noise_below(groups, region, snr_db),
+        noise_sd=noise_sd,
         readings_per_m=_density(options, prior.usual_spread_m, speed_m_s),
         speed_m_s=speed_m_s,
         heading_sd_rad=None if options.heading_sd is None else math.radians(options.heading_sd),
@@ -113,9 +128,9 @@ def _lengths(text: str, dimensions: int) -> tuple[float, ...]:
         lengths = tuple(float(part) for part in text.split(","))
     except ValueError:
         lengths = ()
-    if not 2 <= len(lengths) <= dimensions or not all(0.0 <= side < 1e6 for side in lengths):
+    if not 2 <= len(lengths) <= dimensions or not all(0.0 <= side <= LONGEST_M for side in lengths):
         kind = "EAST_M,NORTH_M" if dimensions == 2 else "EAST_M,NORTH_M or EAST_M,NORTH_M,UP_M"
-        raise BadInputError(f"--area {text}: expected {kind}, 0 or more")
+        raise BadInputError(f"--area {text}: expected {kind}, 0 to {LONGEST_M:g}")
     return lengths
 
 

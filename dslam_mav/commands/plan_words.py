@@ -46,12 +46,13 @@ def verdict(seen: Outlook) -> str:
     return "Sees well, for sources within the area; a second answer may still fit as well, which no bound shows."
 
 
-def warning(why: str, instead: Instead | None, home: str | None) -> str:
-    """Why the plan is poor, and what to fly instead."""
+def warning(why: str, instead: Instead | None, home: str | None, limited: bool) -> str:
+    """Why the plan is poor, and what to fly instead; `limited`: by a fence or turns."""
     if instead is None:
+        within = " within these limits" if limited else ""
         return (
-            f"{why}; no star here sees better, even thrice as long: know headings (--heading-sd), read with less noise "
-            "or more often, or narrow the area"
+            f"{why}; no star here{within} sees better, even thrice as long: know headings (--heading-sd), read with "
+            "less noise or more often, or narrow the area"
         )
     long_m = instead.leg_m * instead.legs
     well = "sees to" if not instead.seen.poor else "sees badly too, but to"
@@ -70,8 +71,13 @@ def command(instead: Instead, home: str | None) -> str:
     heading = f" --first-heading {heading_deg:g}" if heading_deg else ""
     return (
         f"plan --pattern {instead.pattern} --leg {instead.leg_m:g} --legs {instead.legs} "
-        f"--centre {east_m:.4g},{north_m:.4g}{heading}{where}"
+        f"--centre {_tenths(east_m)},{_tenths(north_m)}{heading}{where}"
     )
+
+
+def _tenths(value_m: float) -> str:
+    """Without -0.0."""
+    return f"{value_m + 0.0:.1f}"
 
 
 def realised(flown: Simulated) -> str:

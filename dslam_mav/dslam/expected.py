@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dslam_mav.dslam.bound import SINGULAR, UNSEEN_SD
+from dslam_mav.dslam.inverses import factors, finite, inverses
 from dslam_mav.dslam.kernels.expected import Scene, Unknown, informations, pulled
 from dslam_mav.dslam.layouts import Layouts
 from dslam_mav.dslam.priors import CLOSED_SHARE
@@ -26,6 +26,8 @@ MOST_POINTS = 4000  # in all: on very long paths the points lie up to half a spr
 LONGEST_SPREADS = 2000.0
 MOST_NUMBERS = 4_000_000  # of one batch of information matrices
 FLIGHTS_A_LAYOUT = 16
+QUIET = np.errstate(over="ignore", divide="ignore", invalid="ignore")  # what overflows is counted as not seen
+UNBOUNDED = 1e300
 SURE_OF = 2.0  # radians of a heading, e-foldings of a strength, √C of a place: so much is known of anything
 
 
@@ -99,13 +101,15 @@ def _in_batches(path: ArrayLike, layouts: Layouts, sensing: Sensing, rng: np.ran
     return joined([_errors(b, layouts.part(i, i + step), sensing, rng) for i in range(0, len(layouts), step)])
 
 
+@QUIET
 def _errors(b: Array, layouts: Layouts, sensing: Sensing, rng: np.random.Generator | None) -> Errors:
     """Every error is a sum of squares over ways the unknowns may be off: the covariance's own, or drawn at random."""
     k, d, at = layouts.k_sources, b.shape[1], _place_start(b, sensing)
     paths = np.broadcast_to(b, (len(layouts), *b.shape)).copy()
-    factor = _factors(_information(paths, layouts, sensing, POINTS_PER_SPREAD) / sensing.noise_sd**2)
+    factor = factors(_information(paths, layouts, sensing, POINTS_PER_SPREAD) / sensing.noise_sd**2)
     own = factor[:, at : at + k * d].reshape(len(layouts), k, d, -1)
-    worst = np.linalg.eigvalsh(own @ np.swapaxes(own, 2, 3)).max(axis=(1, 2))
+    covariance = finite(own @ np.swapaxes(own, 2, 3), UNBOUNDED * np.eye(d))
+    worst = np.linalg.eigvalsh(covariance).max(axis=(1, 2))
     blind = ~(np.sqrt(worst) < UNIDENTIFIED_SPREADS * layouts.spread_m)
     if rng is not None:
         factor = factor @ rng.standard_normal((len(layouts), factor.shape[2], FLIGHTS_A_LAYOUT))
@@ -124,6 +128,7 @@ def _errors(b: Array, layouts: Layouts, sensing: Sensing, rng: np.random.Generat
     return Errors(rms(source_off, k), rms(source_off - moved, k), rms(path_off, len(b)), rms(path_left, len(b)))
 
 
+@QUIET
 def log_errors(
     paths: Array, layouts: Layouts, sensing: Sensing, points_per_spread: float = 6.0, gradient: bool = True
 ) -> tuple[Array, Array]:
@@ -140,8 +145,9 @@ def log_errors(
     unit[:, place] = layouts.spread_m[:, None]
     if sensing.ambient_unknown:
         unit[:, -1] = layouts.peak.max(axis=1)
-    information[:, own, own] += noise2 / (SURE_OF * unit) ** 2
-    inverse = np.linalg.inv(information)
+    known = noise2 / (SURE_OF * unit) ** 2
+    information[:, own, own] += known
+    inverse = inverses(information, known)
     square = np.einsum("mpp->m", inverse[:, place[:, None], place[None, :]])
     value = 0.5 * np.log(noise2 * square / k)
     if not gradient:
@@ -213,18 +219,6 @@ def _scene(layouts: Layouts, sensing: Sensing) -> Scene:
 def _place_start(b: Array, sensing: Sensing) -> int:
     n_legs = len(b) - 1
     return n_legs - 1 + (n_legs if sensing.length_sd_m > 0.0 else 0)
-
-
-def _factors(information: Array) -> Array:
-    """(M, P, P) G with GGᵀ the inverse, through scaled eigenvectors as in `bound.information`: what is not seen has a
-    huge variance.
-    """
-    size = np.sqrt(np.einsum("mpp->mp", information))
-    scale = np.where(size > SINGULAR * size.max(axis=1, keepdims=True), size, 1.0)
-    values, vectors = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
-    blind = values <= SINGULAR * values[:, -1:]
-    root = np.where(blind, UNSEEN_SD, 1.0 / np.sqrt(np.where(blind, 1.0, values)))
-    return np.asarray(vectors * root[:, None, :] / scale[:, :, None])
 
 
 def _rigid(points: Array) -> Array:

@@ -137,4 +137,4 @@ def noise_below(groups: Sequence[Layouts], region: Region, snr_db: float) -> flo
     for group in groups:
         far2 = ((points[None, :, None] - group.places[:, None]) ** 2).sum(axis=3) / group.spread_m[:, None, None] ** 2
         total += float(((group.peak[:, None] * np.exp(-far2)).sum(axis=2) ** 2).mean(axis=1).sum())
-    return float(np.sqrt(total / sum(len(g) for g in groups) / 10.0 ** (snr_db / 10.0)))
+    return float(np.sqrt(total / sum(len(g) for g in groups)) * 10.0 ** (-snr_db / 20.0))

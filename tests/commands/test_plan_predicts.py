@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from running import run
 
-from dslam_mav.mission import leg_vertices
+from dslam_mav.mission import Home, leg_vertices
 from missions import best as searching
 from missions.plan_fence import read_fence
 from missions.plan_file import read_plan
@@ -211,3 +211,100 @@ def test_fences_that_leave_no_room(tmp_path: Path, fence: Path, quick: None) -> 
     bare = tmp_path / "bare.plan"
     bare.write_text(json.dumps({**FENCE, "geoFence": {"version": 2, "polygons": [], "circles": []}}))
     assert "bare.plan: geoFence" in run("plan", "--pattern", "best", "--fence", bare).line()
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("--snr", 5000), "--snr"),
+        (("--snr", -5000), "--snr"),
+        (("--noise-sd", 1e200), "--noise-sd"),
+        (("--noise-sd", 1e-200), "--noise-sd"),
+        (("--leg-sd", 1e200), "--leg-sd"),
+        (("--leg-sd", 1e-200), "--leg-sd"),
+        (("--peak", 1e-200), "--peak"),
+        (("--heading-sd", 1e-200), "--heading-sd"),
+        (("--spacing", 1e-200), "--spacing"),
+        (("--rate", 1e300), "--rate"),
+        (("--speed", 1e300), "--speed"),
+        (("--diffusivity", 1e300, "--age", 1e10), "--diffusivity"),
+        (("--diffusivity", 1e12, "--age", 1e10), "--age"),
+        (("--area", "5e5,5e5"), "--snr"),
+        (("--area", "5e8,5e8"), "--area"),
+        (("--spacing", 1e-6, "--simulate", 1), "--simulate"),
+    ],
+)
+def test_numbers_out_of_range_are_named_with_what_was_expected(words: tuple[object, ...], named: str) -> None:
+    done = run("plan", "--sources", 3, *words)
+    assert (done.code, done.out) == (2, "")
+    assert named in done.line()
+    assert "expected" in done.line()
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--area", "3000,3000"),
+        ("--noise-sd", 1e15, "--peak", 1e-15),
+        ("--noise-sd", 1e-15, "--peak", 1e15, "--leg-sd", 1e-6, "--heading-sd", 1e-6),
+        ("--spread", 1e5, "--area", "1e7,1e7", "--noise-sd", 1e-15),
+        ("--snr", 200, "--leg-sd", 1e7),
+    ],
+)
+def test_numbers_at_the_ends_of_their_ranges_have_a_verdict(words: tuple[object, ...]) -> None:
+    done = run("plan", "--sources", 3, *words, "--json")
+    assert done.code == 0, done.err
+    assert all(line.startswith("warning: ") for line in done.err.splitlines())
+    assert done.object["verdict"]
+
+
+def fence_of(file: Path) -> Any:
+    return json.loads(file.read_text())["geoFence"]
+
+
+def test_a_plan_that_is_read_and_written_keeps_its_fence(tmp_path: Path, fence: Path) -> None:
+    bare, fenced, again = (tmp_path / f"{name}.plan" for name in ("bare", "fenced", "again"))
+    run("plan", "-o", bare)
+    assert run("plan", bare, "--fence", fence, "-o", fenced).code == 0
+    assert fence_of(fenced) == FENCE["geoFence"]
+    assert run("plan", fenced, "-o", again).code == 0
+    assert fence_of(again) == FENCE["geoFence"]
+    assert "cannot hold the geofence" in run("plan", fenced, "-o", tmp_path / "again.waypoints").err
+    assert fence_of(bare)["polygons"] == []
+
+
+def test_what_to_fly_instead_keeps_to_the_fence(fence: Path) -> None:
+    words = ("plan", "--pattern", "lawnmower", "--leg", 32, "--sources", 3, "--fence", fence, "--spread", 10, "--json")
+    open_field = json.loads(json.dumps(FENCE))
+    open_field["geoFence"]["circles"] = []
+    fence.write_text(json.dumps(open_field))
+    better = run(*shlex.split(run(*words).object["instead"]["command"]), "--json").object
+    assert read_fence(fence).around(Home(47.3977, 8.5455, 488.0)).lets_pass(np.array(better["vertices_m"]))
+    strip = [[47.397, 8.5455], [47.397, 8.5456], [47.399, 8.5456], [47.399, 8.5455]]
+    open_field["geoFence"]["polygons"][0]["polygon"] = strip
+    fence.write_text(json.dumps(open_field))
+    done = run(*words)
+    assert done.object["instead"] is None
+    assert "within these limits" in done.err
+
+
+def test_what_to_fly_instead_is_centred_to_a_decimetre() -> None:
+    said = run("plan", "--pattern", "lawnmower", "--sources", 3, "--centre", "1234.56,-2345.67", "--json").object
+    assert "--centre 1234.6,-2345.7" in said["instead"]["command"]
+
+
+def test_turns_that_leave_no_path_that_sees_are_the_reason(quick: None) -> None:
+    done = run("plan", "--pattern", "best", "--sources", 3, "--turn", "179..180", "--json")
+    assert done.code == 0
+    assert "--turn" in done.object["reason"]
+    assert done.object["instead"] is None
+
+
+def test_a_margin_wider_than_the_fence_is_refused_before_the_search(
+    fence: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(searching, "best_path", None)
+    done = run("plan", "--pattern", "best", "--fence", fence, "--spread", 10, "--margin", 25)
+    assert (done.code, done.out) == (2, "")
+    assert "--margin 25" in done.line()

@@ -11,6 +11,7 @@ import pytest
 from dslam_mav import Medium, bound
 from dslam_mav.dslam import expected
 from dslam_mav.dslam.expected import Sensing, errors_flown, errors_on, log_errors
+from dslam_mav.dslam.inverses import inverses
 from dslam_mav.dslam.layouts import Layouts, Prior, Region, drawn, noise_below
 from dslam_mav.dslam.outlook import outlook, reason
 from dslam_mav.records import Sources
@@ -155,3 +156,11 @@ def test_what_cannot_be_is_a_value_error():
         layouts(8, 1, region=Region((0.0, 0.0), (1.0, 1.0)))
     with pytest.raises(ValueError, match="√C long"):
         errors_on(1e4 * STAR, layouts(2, 1), Sensing(0.1, 20.0))
+
+
+def test_a_matrix_without_an_inverse_is_a_layout_that_is_not_seen():
+    good, known = np.diag([2.0, 4.0]), np.full((3, 2), 0.25)
+    found = inverses(np.array([good, np.ones((2, 2)), np.full((2, 2), np.nan)]), known)
+    assert found[0] == pytest.approx(np.diag([0.5, 0.25]))
+    assert found[1:] == pytest.approx(np.broadcast_to(4.0 * np.eye(2), (2, 2, 2)))
+    assert errors_on(STAR, layouts(3, 4), Sensing(1e-160, 20.0)).blind.all()

@@ -116,3 +116,11 @@ def test_inclusion_zones_apart_leave_no_room():
     plan["geoFence"]["polygons"].append({"inclusion": True, "polygon": far, "version": 1})
     with pytest.raises(BadInputError, match="no room in common"):
         parse_fence(json.dumps(plan), "f.plan").around(HOME)
+
+
+def test_room_is_the_most_a_place_has_to_its_bounds():
+    inside = Fence((box((10.0, 6.0)),), (box((2.0, 6.0)),))
+    assert inside.room(9.0) == pytest.approx(2.0, abs=0.01)
+    assert inside.room(1.0) >= 1.0
+    assert Fence((), (box((2.0, 2.0)),)).room(1e6) == np.inf
+    assert Fence((box((1.0, 1.0)), box((1.0, 1.0), (5.0, 0.0)))).room(0.0) < 0.0
