@@ -58,7 +58,7 @@ def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit
     step therefore carries its second-order correction, from one more residual (geodesic acceleration; Transtrum and
     Sethna, "Improvements to the Levenberg-Marquardt algorithm", arXiv:1201.5885).
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # a step may lead anywhere; no worker thread inherits the caller's
+    with np.errstate(over="ignore", invalid="ignore"):  # worker threads do not inherit the caller's
         return _compiled(prob, start, iterations) if _plain(prob) else _general(prob, start, iterations)
 
 
