@@ -105,13 +105,8 @@ def _accelerated_step(
 ) -> Array | None:
     """Velocity and half its acceleration; None where the path bends too much for a step of this size."""
     residual, jacobian = here
-    normal = jacobian.T @ jacobian
-    size = np.sqrt(np.diag(normal))
-    size[size == 0.0] = 1.0
-    normal /= np.outer(size, size)
-    normal.flat[:: size.size + 1] += damping
-    factor, info = dpotrf(normal)
-    if info != 0:
+    factor, size = factored(jacobian, damping)
+    if factor is None:
         return None
     velocity = dpotrs(factor, -(jacobian.T @ residual) / size)[0]
     ahead = residual_of(prob, moved(prob, state, PROBE * velocity / size, at), at)
@@ -122,6 +117,17 @@ def _accelerated_step(
     if 2.0 * np.linalg.norm(acceleration) > MOST_BEND * np.linalg.norm(velocity):
         return None
     return np.asarray((velocity + 0.5 * acceleration) / size)
+
+
+def factored(jacobian: Array, damping: float) -> tuple[Array | None, Array]:
+    """LAPACK's Cholesky factor of JᵀJ + λ, scaled to a unit diagonal (None: not positive), and the columns' lengths."""
+    normal = jacobian.T @ jacobian
+    size = np.sqrt(np.diag(normal))
+    size[size == 0.0] = 1.0
+    normal /= np.outer(size, size)
+    normal.flat[:: size.size + 1] += damping
+    factor, info = dpotrf(normal)
+    return (factor if info == 0 else None), size
 
 
 def _plain(prob: Problem) -> bool:

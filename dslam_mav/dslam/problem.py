@@ -5,7 +5,7 @@ What is known is not a parameter; what has a prior gets a residual row (rows.py)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,4 +118,17 @@ def problem(flight: Flight, medium: Medium) -> Problem:
         lag=medium.sensor_lag_s,
         extent=medium.extent or 0.0,
         n_readings=y.size,
+    )
+
+
+def alike(prob: Problem) -> Problem:
+    """The problem with one C for all sources, whatever is known of each, and nothing known beside the readings."""
+    return replace(
+        prob,
+        spreads="shared" if prob.spreads == "each" else prob.spreads,
+        spread2=None if prob.spread2 is None else np.exp(np.log(prob.spread2).mean(keepdims=True)),
+        age=None if prob.age is None else np.exp(np.log(prob.age).mean(keepdims=True)),
+        lag=prob.lag or 0.0,
+        extent=0.0,
+        known=Known(),
     )

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs
+from scipy.linalg.lapack import dpotrs
 
+from dslam_mav.dslam.fit import factored
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import (
@@ -163,13 +164,9 @@ def _settled(ground: _Ground, here: _Point, way: Array) -> _Point:
 
 def _step_across(here: _Point, way: Array, damping: float) -> tuple[Array, float]:
     """The step (P,) to the least of the linear model with no part along `way` (Lagrange), and by how much χ² falls."""
-    normal, gradient = here.jacobian.T @ here.jacobian, here.jacobian.T @ here.residual
-    size = np.sqrt(np.diag(normal))
-    size[size == 0.0] = 1.0
-    normal /= np.outer(size, size)
-    normal.flat[:: size.size + 1] += damping
-    factor, info = dpotrf(normal)
-    if info != 0:
+    gradient = here.jacobian.T @ here.residual
+    factor, size = factored(here.jacobian, damping)
+    if factor is None:
         return np.zeros(size.size), 0.0
     free, along = dpotrs(factor, np.stack([-gradient, way], axis=1) / size[:, None])[0].T / size
     step = free - along * float(way @ free) / float(way @ along)

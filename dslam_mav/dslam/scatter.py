@@ -18,7 +18,7 @@ from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.joint import model_of
 from dslam_mav.dslam.kernels.curve import Curve
 from dslam_mav.dslam.path import climb_of_rise
-from dslam_mav.dslam.problem import Known, Problem
+from dslam_mav.dslam.problem import Problem, alike
 from dslam_mav.dslam.rows import spans_constant
 from dslam_mav.dslam.scale import Scale, spread_scale
 from dslam_mav.dslam.space_corner import Legs
@@ -51,15 +51,7 @@ Search = Callable[[Medium, int], _Found]  # at a medium, so many rounds at most
 
 def scatter(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     """All that the search finds, best first, at the C that fits best."""
-    bare = replace(
-        prob,
-        spreads="shared" if prob.spreads == "each" else prob.spreads,
-        spread2=None if prob.spread2 is None else np.exp(np.log(prob.spread2).mean(keepdims=True)),
-        age=None if prob.age is None else np.exp(np.log(prob.age).mean(keepdims=True)),
-        lag=prob.lag or 0.0,
-        extent=0.0,
-        known=Known(),
-    )
+    bare = alike(prob)
     if bare.basis is not None:
         grid, most = _media_on_curve(bare), curve.MAX_ROUNDS
         found = _searched(bare, grid, lambda at, rounds: _on_curve(bare, k_sources, at, rounds, rng), most)

@@ -13,7 +13,7 @@ from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit, settled
 from dslam_mav.dslam.media import apart, media_starts
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
-from dslam_mav.dslam.problem import Known, Problem
+from dslam_mav.dslam.problem import Known, Problem, alike
 from dslam_mav.dslam.reduce import binned, reduced
 from dslam_mav.dslam.resume import fits_the_flight, resumed
 from dslam_mav.dslam.scatter import scatter
@@ -57,7 +57,7 @@ class Task:
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     """Every answer within the window; None where the search finds no start."""
-    coarse = binned(_alike(task.problem))
+    coarse = binned(alike(task.problem))
     if task.start is not None and fits_the_flight(task.problem, task.start, task.k_sources):
         known = resumed(coarse, task.start, task.unit)
         if known:
@@ -117,19 +117,6 @@ def _on_all_readings(begun: Starts, prob: Problem, each: float) -> Starts:
     else:
         outside = (prob.outside, prob.n_readings - prob.y.size)
     return replace(begun, sigma=begun.sigma * float(np.sqrt(each)), outside=outside)
-
-
-def _alike(prob: Problem) -> Problem:
-    """The problem with one C for all sources, whatever is known of each, and nothing known beside the readings."""
-    return replace(
-        prob,
-        spreads="shared" if prob.spreads == "each" else prob.spreads,
-        spread2=None if prob.spread2 is None else np.exp(np.log(prob.spread2).mean(keepdims=True)),
-        age=None if prob.age is None else np.exp(np.log(prob.age).mean(keepdims=True)),
-        lag=prob.lag or 0.0,
-        extent=0.0,
-        known=Known(),
-    )
 
 
 def _as_asked(prob: Problem, found: Sequence[State]) -> list[State]:
