@@ -19,7 +19,7 @@ from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.arguments import check, check_count, hopeless, usable
-from dslam_mav.dslam.certify import MISFIT_P_VALUE, too_few
+from dslam_mav.dslam.certify import MISFIT_MATTERS, MISFIT_P_VALUE, too_few
 from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.dslam.paper.options import PaperOptions
@@ -115,8 +115,8 @@ def _threads() -> ThreadpoolController:
     return ThreadpoolController()  # type: ignore[no-untyped-call]
 
 
-def _with_k(question: _Question, k_sources: int) -> Estimate:
-    """The estimate for a given number of sources."""
+def _with_k(question: _Question, k_sources: int, *, patient: bool = True) -> Estimate:
+    """The estimate for a given number of sources; not `patient`, nothing is tried to mend a misfit."""
     flight, medium = question.flight, question.medium
     tau = medium.activation_s
     if isinstance(tau, tuple) and len(tau) not in (1, k_sources):
@@ -131,7 +131,7 @@ def _with_k(question: _Question, k_sources: int) -> Estimate:
     if reason is not None:
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
     unit = units_of(raw)
-    task = Task(normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start)
+    task = Task(normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start, patient)
     solved = solve(task, np.random.default_rng(question.seed))
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
@@ -191,20 +191,39 @@ def _or_cooling(question: _Question, result: Estimate, doubtful: bool) -> Estima
 
 
 def _choose_k(question: _Question, max_sources: int) -> Estimate:
-    """K = 1, 2, … afresh, until the Bayesian information criterion first rises (theory, section 8)."""
-    best = _with_k(question, 1)
+    """K = 1, 2, … until the Bayesian information criterion rises (theory, section 8) from an answer that leaves no
+    more than noise, or a spot's own shape.
+
+    Too few sources leave a misfit that no patience mends: they are held against the answer only where it is as small
+    as what a shape leaves.
+    """
+    tried = [_with_k(question, 1, patient=False)]
+    best = tried[0]
     for k_sources in range(2, max_sources + 1):
-        result = _with_k(question, k_sources)
-        if "cost" not in result.diagnostics:
+        more = _with_k(question, k_sources, patient=False)
+        if "cost" not in more.diagnostics:
             break  # too few data for so many
-        if "cost" in best.diagnostics and not _more_is_better(best, result):
+        tried.append(more)
+        if "cost" not in best.diagnostics or _more_is_better(best, more):
+            best = more
+        elif best.diagnostics["whiteness_p"] >= MISFIT_P_VALUE or _mendable(best):
             break
-        best = result
-    return best
+    fewer = tried[len(best.sources) - 2] if len(best.sources) > 1 else best
+    if fewer is not best and _mendable(fewer):
+        fewer = _with_k(question, len(fewer.sources))
+        best = best if _more_is_better(fewer, best) else fewer
+    return _with_k(question, len(best.sources)) if _mendable(best) else best
+
+
+def _mendable(result: Estimate) -> bool:
+    """Whether more is left than noise, yet so little that an extent of the sources may be behind it."""
+    told = result.diagnostics
+    return "cost" in told and told["whiteness_p"] < MISFIT_P_VALUE and told["systematic_share"] < MISFIT_MATTERS
 
 
 def _more_is_better(few: Estimate, more: Estimate) -> bool:
-    """Whether n ln(cost) + P ln n is lower with more sources; both are counted over the same n.
+    """Whether n ln(cost) + P ln(n/K) is lower with more sources, both with the larger model's n and K: an unknown is
+    told by its source's share of the readings.
 
     Residuals that may not be white (the larger model's, at 5 %) count as the numbers the legs can carry, not as
     readings: otherwise sources are added to mend the model's own misfit.
@@ -213,5 +232,5 @@ def _more_is_better(few: Estimate, more: Estimate) -> bool:
     n = float(b["n_readings"])
     if b["whiteness_p"] < DOUBTFUL_P:
         n = min(n, float(b["freedom_inside"]))
-    extra = len(more.parameter_names) - len(few.parameter_names)
-    return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra * np.log(n) < 0.0)
+    extra = (len(more.parameter_names) - len(few.parameter_names)) * np.log(n / len(more.sources))
+    return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra < 0.0)

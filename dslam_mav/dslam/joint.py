@@ -13,7 +13,7 @@ from dslam_mav.dslam.kernels.model import add_columns, add_field, add_turns, lag
 from dslam_mav.dslam.path import climb_of, directions, places, turns
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.rows import prior_rows
-from dslam_mav.dslam.state import Layout, State, any_in, layout, uncertain_legs
+from dslam_mav.dslam.state import Layout, State, any_in, layout, loose_corners, uncertain_legs
 
 Array = NDArray[np.float64]
 
@@ -72,6 +72,9 @@ def _path_columns(prob: Problem, state: State, at: Layout, by_place: Array, colu
         along = directions(state.theta, climb_of(prob, state))
         longer = uncertain_legs(prob)
         columns[:, at.longer] = np.where(prob.leg[:, None] > longer[None, :], by_place @ along[longer].T, 0.0)
+    if any_in(at.gap):
+        later = prob.leg[:, None] > loose_corners(prob)[None, :]
+        columns[:, at.gap] = np.where(later[:, :, None], by_place[:, None, :], 0.0).reshape(len(by_place), -1)
 
 
 def _mixed(prob: Problem, values: Array) -> Array:

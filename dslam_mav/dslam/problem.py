@@ -20,7 +20,8 @@ class Known:
     """Priors and constraints, with standard deviations in units of a reading's noise.
 
     `heading`: headings (L,) and their sd. `closed_sd`: of the path's end about its start. `points`: vertex indices,
-    their places (M, d), their sd. `length_sd` (L,): of leg lengths; 0 is exact. `peak`: a source's peak reading beyond
+    their places (M, d), their sd. `length_sd` (L,): of leg lengths; 0 is exact. `corner_sd`
+    (L − 1,): of where the next leg begins, along each axis; 0 is exact. `peak`: a source's peak reading beyond
     the first number costs as the logarithm's excess over the second; without it, ever remoter and stronger sources
     beside ever straighter paths fit almost anything. `age` likewise: in a field that stands still μ and τ run away
     together. `lag`: ln of the sensor's time constant and its sd.
@@ -30,6 +31,7 @@ class Known:
     closed_sd: float | None = None
     points: tuple[NDArray[np.int64], Array, float] | None = None
     length_sd: Array | None = None
+    corner_sd: Array | None = None
     peak: tuple[float, float] | None = None
     age: tuple[float, float] | None = None
     lag: tuple[float, float] | None = None

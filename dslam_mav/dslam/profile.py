@@ -81,7 +81,7 @@ class _Ground:
         limit = np.full(at.size, MAX_STEP_LOG)
         limit[at.ambient] = limit[at.shift] = np.inf
         limit[at.heading] = limit[at.climb] = limit[at.turn] = MAX_STEP_RAD
-        limit[at.place] = limit[at.longer] = limit[at.coefficient] = reach
+        limit[at.place] = limit[at.longer] = limit[at.gap] = limit[at.coefficient] = reach
         limit[at.extent] = MAX_STEP_EXTENT
         longest = float((np.abs(step) / limit).max())
         parts = max(1, int(np.ceil(min(longest, MOST_PARTS + 1.0))))

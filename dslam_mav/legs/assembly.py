@@ -1,8 +1,7 @@
 """What was collected on a flight -> the chain of its legs (pure).
 
-Readings taken while hovering at a corner stay: setting them aside made no answer on recorded flights better.
-The path is a chain: where a leg cannot be measured the chain breaks, and the part with most legs is the
-flight.
+Readings of a hover or an overshoot on the leg's line stay; those beside it, where a corner is flown round, do not.
+The path is a chain: where a leg cannot be measured the chain breaks, and the part with most legs is the flight.
 """
 
 from __future__ import annotations
@@ -106,9 +105,10 @@ def assemble(
             continue
         if chains[-1] and chains[-1][-1].end_ms != start.time_ms:
             chains.append([])
+        on_line = slice(None) if placed.straight is None else placed.straight
         chains[-1].append(
-            FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m,
-                     time_ms[inside], value[inside], placed.mode)
+            FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m[on_line],
+                     time_ms[inside][on_line], value[inside][on_line], placed.mode)
         )  # fmt: skip
     legs = _choose(chains, ways, counts, planned=plan is not None)
     counts["readings used"] = sum(leg.value.size for leg in legs)

@@ -23,6 +23,9 @@ from dslam_mav.records import Flight, Leg
 
 Array = NDArray[np.float64]
 
+CORNER_SHARE = 1.0 / 200.0
+"""Of a leg: how far from its end the next one may begin. Optical flow drifts that far over a leg, and more."""
+
 LATE_READINGS_MS = 3_000
 """How far dead reckoning must be past a leg's end before a leg without later readings counts as complete."""
 
@@ -233,7 +236,8 @@ def flight_of(legs: tuple[FlownLeg, ...]) -> Flight:
 
 
 def _leg(leg: FlownLeg, zero_ms: int) -> Leg:
-    return Leg(leg.length_m, leg.distance_m, (leg.time_ms - zero_ms) / 1000.0, leg.value)
+    time_s = (leg.time_ms - zero_ms) / 1000.0
+    return Leg(leg.length_m, leg.distance_m, time_s, leg.value, corner_sd_m=CORNER_SHARE * leg.length_m)
 
 
 def _mean_heading_rad(leg: FlownLeg, yaw: list[tuple[int, float]]) -> float:
