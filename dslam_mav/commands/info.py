@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
 from dslam_mav.log.reader import log_info
+from dslam_mav.log.recovered import in_words
 
 
 def run(options: Namespace) -> int:
@@ -18,5 +19,7 @@ def run(options: Namespace) -> int:
     width = max((len(topic) for topic in info["topics"]), default=0)
     for topic, count in sorted(info["topics"].items()):
         screen.say(f"  {topic:<{width}}  {count}")
+    if "recovered" in info:
+        screen.say(f"  {in_words(info['recovered'])}")
     screen.result(info)
     return 0

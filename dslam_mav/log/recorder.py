@@ -40,7 +40,7 @@ from dslam_mav.observations import Progress, Reading
 from dslam_mav.records import Estimate, Truth
 
 _SYNC_PERIOD_S = 0.5  # half of what may be lost, the other half is for a slow disk
-_CHUNK_BYTES = 64 * 1024  # what one damaged byte can cost
+CHUNK_BYTES = 64 * 1024  # what one damaged byte can cost
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,7 @@ class Recorder:
         try:
             writer = Writer(
                 cast(IO[Any], disk),
-                chunk_size=_CHUNK_BYTES,
+                chunk_size=CHUNK_BYTES,
                 compression=CompressionType.ZSTD,
                 enable_data_crcs=True,
             )
