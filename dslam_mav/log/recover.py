@@ -152,7 +152,9 @@ def _counts(scan: Scan, found: _Found) -> dict[str, Count]:
     whole = scan.unbroken and not found.contradictory
     names = {number: found.declared.channel(number)[0].topic for number in found.declared.numbers()}
     topics: dict[str, Count] = {}
-    for channel in sorted({*(stated or ()), *numbered, *found.kept, *found.undeclared, *scan.damaged_messages}):
+    empty = () if whole or stated is not None else names  # who knows
+    seen = {*(stated or ()), *numbered, *found.kept, *found.undeclared, *scan.damaged_messages, *empty}
+    for channel in sorted(seen):
         kept = found.kept[channel]
         if stated is not None:
             lost, exact = stated.get(channel, 0) - kept, True

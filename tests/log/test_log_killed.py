@@ -1,0 +1,134 @@
+"""Fifty processes killed, each at a moment of its own: what their logs hold of what they had given the recorder."""
+
+from __future__ import annotations
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import NonSeekingReader, make_reader
+
+from dslam_mav.log import read_log
+from dslam_mav.log.recover import salvage
+
+KILLED = 50
+WAVE = 25  # at a time
+LONGEST_S = 2.5
+
+# One process that has everything imported becomes many by fork; each tells by a pipe of its own what it gave, and when.
+WRITERS = """
+import os, struct, sys, time
+from pathlib import Path
+from dslam_mav.log import Recorder
+from dslam_mav.observations import Reading
+
+def write(path, pipe):
+    recorder = Recorder(path)
+    recorder.attach("plan.plan", "application/json", b"{}")
+    i, end_s = 0, time.monotonic() + 60
+    while time.monotonic() < end_s:
+        now_ns = time.time_ns()
+        recorder.reading(now_ns, Reading(i, i / 3))
+        os.write(pipe, struct.pack("<Q", now_ns))
+        i += 1
+        time.sleep(0.01)
+
+for name, pipe in zip(sys.argv[1::2], sys.argv[2::2]):
+    child = os.fork()
+    if not child:
+        write(Path(name), int(pipe))
+        os._exit(0)
+    print(child, flush=True)
+time.sleep(60)
+"""
+
+
+def started(folder: Path, numbers: range) -> tuple[subprocess.Popen[str], list[tuple[int, Path, Any]]]:
+    """The parent of the writers; of each its process, its log and the end of its pipe."""
+    pipes = {number: os.pipe() for number in numbers}
+    paths = {number: folder / f"{number}.mcap" for number in numbers}
+    words = [word for number in numbers for word in (str(paths[number]), str(pipes[number][1]))]
+    parent = subprocess.Popen(
+        [sys.executable, "-c", WRITERS, *words],
+        stdout=subprocess.PIPE,
+        text=True,
+        pass_fds=[writing for _, writing in pipes.values()],
+    )
+    assert parent.stdout is not None
+    children = []
+    for number in numbers:
+        reading, writing = pipes[number]
+        os.close(writing)
+        children.append((int(parent.stdout.readline()), paths[number], os.fdopen(reading, "rb")))
+    return parent, children
+
+
+def killed(folder: Path, numbers: range, after_s: np.ndarray) -> list[tuple[Path, int, list[int]]]:
+    """Of each writer: its log, when it was killed, and what it had given until then."""
+    parent, children = started(folder, numbers)
+    begin_s, ends = time.monotonic(), []
+    for (child, path, pipe), moment_s in sorted(zip(children, after_s, strict=True), key=lambda pair: pair[1]):
+        time.sleep(max(0.0, begin_s + moment_s - time.monotonic()))
+        os.kill(child, signal.SIGKILL)
+        ends.append((path, time.time_ns(), pipe))
+    parent.kill()
+    parent.communicate()
+    found = []
+    for path, end_ns, pipe in ends:
+        with pipe:
+            given = pipe.read()
+        found.append((path, end_ns, [time_ns for (time_ns,) in struct.iter_unpack("<Q", given)]))
+    return found
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Path, int, list[int]]]:
+    folder = tmp_path_factory.mktemp("killed")
+    moments_s = np.random.default_rng(7).uniform(0.0, LONGEST_S, KILLED)
+    found = []
+    for first in range(0, KILLED, WAVE):
+        found += killed(folder, range(first, first + WAVE), moments_s[first : first + WAVE])
+    return found
+
+
+def test_killed_at_fifty_moments_a_log_lacks_at_most_its_last_second(logs):
+    read = 0
+    for path, end_ns, given_ns in logs:
+        due = [time_ns for time_ns in given_ns if time_ns <= end_ns - 1_000_000_000]
+        if not (path.exists() and path.stat().st_size):  # killed before the log began
+            assert not due
+            continue
+        log = read_log(path)
+        assert not log.complete
+        kept_ns = [time_ns for time_ns, _ in log.readings]
+        assert kept_ns == given_ns[: len(kept_ns)]
+        assert len(kept_ns) >= len(due)
+        assert [r.time_boot_ms for _, r in log.readings] == list(range(len(kept_ns)))
+        assert log.attachments == {"plan.plan": b"{}"} or not kept_ns
+        read += bool(due)
+    assert read > KILLED / 3
+
+
+def test_recovered_they_open_everywhere(logs, tmp_path):
+    for path, _, given_ns in logs:
+        if not (path.exists() and path.stat().st_size):
+            continue
+        log = read_log(path)
+        if not (log.readings or log.attachments):
+            continue
+        out = tmp_path / path.name
+        salvaged = salvage(path)
+        out.write_bytes(salvaged.data)
+        assert (salvaged.kept, salvaged.lost, salvaged.clean) == (len(log.readings), 0, False)
+        for reader in (make_reader, NonSeekingReader):
+            with out.open("rb") as file:
+                times_ns = [m.log_time for _, _, m in reader(file, validate_crcs=True).iter_messages()]
+                assert times_ns == given_ns[: salvaged.kept]
+        assert read_log(out).complete
