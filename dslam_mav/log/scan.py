@@ -23,7 +23,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Header, Metadata
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dslam_mav.log.summary import FOOTER, RECORD, Summary, read_summary
+from dslam_mav.log.summary import FOOTER, RECORD, Summary, ends_early, read_summary
+from dslam_mav.log.topics import PRODUCER
 
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, its checksum, length of the compression's name
 _INDEX_ENTRY_BYTES = 16
@@ -50,7 +51,7 @@ class Scan:
     is whole. Afterwards:
 
     - `complete`: the file is finished and nothing in it is missing or damaged;
-    - `unbroken`: the data follow record on record to their end, so that none of them is missing;
+    - `unbroken`: the data follow record on record to their end, which no full disk brought about: none is missing;
     - `damaged_messages`: messages by channel in chunks that are damaged, as far as the indexes behind them tell;
     - `unread`: chunks that may be whole, but have no checksum or another compression.
     """
@@ -82,8 +83,8 @@ class Scan:
             if not isinstance(piece, bool):
                 yield piece
             if opcode == Opcode.DATA_END:
-                self.unbroken = not broken
-                self.complete = not broken and self._closed_well(at, end)
+                self.unbroken = not (broken or (self.library.startswith(PRODUCER) and ends_early(data, end)))
+                self.complete = self.unbroken and self._closed_well(at, end)
                 if self.complete:
                     return
             at = end

@@ -22,6 +22,18 @@ FOOTER = struct.Struct("<BQQQI")
 
 _DATA_END = RECORD.pack(Opcode.DATA_END, 4)
 
+_NO_SUMMARY = FOOTER.pack(Opcode.FOOTER, FOOTER.size - RECORD.size, 0, 0, 0) + MAGIC
+
+
+def early_end(checksum: int) -> bytes:
+    """The shortest end of a file: the checksum of its data, no summary. Our recorder ends so where a disk is full."""
+    return _DATA_END + struct.pack("<I", checksum) + _NO_SUMMARY
+
+
+def ends_early(data: bytes, at: int) -> bool:
+    """Whether behind the data's end nothing follows but that."""
+    return data[at:] == _NO_SUMMARY
+
 
 @dataclass(slots=True)
 class Summary:
