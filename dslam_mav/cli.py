@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
-    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _recover):
+    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _recover, _layout):
         add(commands)
     add_paper(commands, argparse.RawDescriptionHelpFormatter)
     return parser
@@ -241,3 +241,8 @@ def _recover(commands: Commands[_Parser]) -> None:
     )  # fmt: skip
     parser.add_argument("log", metavar="LOG", help=".mcap")
     parser.add_argument("-o", "--output", metavar="OUT", required=True, help="the log to write (.mcap)")
+
+
+def _layout(commands: Commands[_Parser]) -> None:
+    parser = _add(commands, "layout", "how Foxglove is to show a flight log", "-o dslam-mav.json", ("layout", "run"))
+    parser.add_argument("-o", "--output", metavar="FILE", help="(default: standard output)")

@@ -27,7 +27,6 @@ from dslam_mav.log.summary import FOOTER, RECORD, Summary, ends_early, read_summ
 from dslam_mav.log.topics import PRODUCER
 
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, its checksum, length of the compression's name
-_INDEX_ENTRY_BYTES = 16
 _MAX_CHUNK_BYTES = 2**30  # a damaged size must not exhaust the memory
 
 # what a chunk (in zstd) or an attachment looks like from its first byte on: sizes below 4 GiB
@@ -77,7 +76,7 @@ class Scan:
             if piece is None:
                 broken = True
                 if opcode == Opcode.CHUNK:
-                    self._count_damaged(end)
+                    self._count_damaged(at, end)
                 at = self._next_candidate(at + 1)
                 continue
             if not isinstance(piece, bool):
@@ -123,16 +122,21 @@ class Scan:
             records = bytes(packed)
         return Chunk(records) if len(records) == size and zlib.crc32(records) == checksum else None
 
-    def _count_damaged(self, at: int) -> None:
-        """The messages of a damaged chunk that ends here, by the indexes that follow it."""
-        data = self._data
-        while at + RECORD.size + 6 <= len(data):
-            opcode, length = RECORD.unpack_from(data, at)
-            channel, index_bytes = struct.unpack_from("<HI", data, at + RECORD.size)
-            at += RECORD.size + length
-            if opcode != Opcode.MESSAGE_INDEX or length != 6 + index_bytes or at > len(data):
-                return
-            self.damaged_messages[channel] += index_bytes // _INDEX_ENTRY_BYTES
+    def _count_damaged(self, at: int, end: int) -> None:
+        """The messages of a damaged chunk, by the indexes behind it if they span the times that it states."""
+        data, found, times_ns = self._data, Counter[int](), set[int]()
+        while end + RECORD.size + 6 <= len(data):
+            opcode, length = RECORD.unpack_from(data, end)
+            channel, index_bytes = struct.unpack_from("<HI", data, end + RECORD.size)
+            entries = end + RECORD.size + 6
+            end += RECORD.size + length
+            if opcode != Opcode.MESSAGE_INDEX or length != 6 + index_bytes or index_bytes % 16 or end > len(data):
+                break
+            indexed = [time_ns for time_ns, _ in struct.iter_unpack("<QQ", memoryview(data)[entries:end])]
+            found[channel] += len(indexed)
+            times_ns.update(indexed)
+        if times_ns and (min(times_ns), max(times_ns)) == _CHUNK.unpack_from(data, at + RECORD.size)[:2]:
+            self.damaged_messages += found
 
     def _next_candidate(self, start: int) -> int:
         found = _CANDIDATE.search(self._data, start)
