@@ -15,7 +15,8 @@ def run(options: Namespace) -> int:
     screen = Screen(json_only=options.json)
     path = Path(options.log)
     info = log_info(path)
-    screen.say(f"{path}: {info['duration_s']:.1f} s, {'complete' if info['complete'] else 'cut short or damaged'}")
+    state = "complete" if info["complete"] else "cut short or damaged, see dslam-mav recover"
+    screen.say(f"{path}: {info['duration_s']:.1f} s, {state}")
     width = max((len(topic) for topic in info["topics"]), default=0)
     for topic, count in sorted(info["topics"].items()):
         screen.say(f"  {topic:<{width}}  {count}")

@@ -58,7 +58,7 @@ def _show(screen: Screen, log: Path, out: Path, salvaged: Salvaged) -> None:
         if names:
             screen.say(f"{what} lost: {', '.join(names)}")
     if salvaged.unread:
-        screen.say(f"{salvaged.unread} chunks left out: without a checksum, or compressed other than with zstd")
+        screen.say(f"chunks left out, without a checksum or compressed with lz4: {salvaged.unread}")
     if not salvaged.closed:
         screen.say(f"{log} ends early (cut, killed, or on a full disk): what is missing there cannot be counted")
     screen.say(f"{out}: {salvaged.kept} messages, {lost_in_words(salvaged.lost, exact=salvaged.exact)}")

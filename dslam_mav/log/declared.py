@@ -7,13 +7,18 @@ import struct
 from collections.abc import Iterator
 from functools import cache
 
+from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap_protobuf.schema import build_file_descriptor_set
 
+from dslam_mav.log.packets import encode_frame
+from dslam_mav.log.scan import Chunk, Scan
+from dslam_mav.log.schemas.flight_pb2 import RawFrame
 from dslam_mav.log.summary import RECORD, Summary, stream
-from dslam_mav.log.topics import CHANNEL_IDS, TOPICS
+from dslam_mav.log.topics import CHANNEL_IDS, PRODUCER, RAW, TOPICS
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 
@@ -90,8 +95,28 @@ class Declared:
         return known
 
 
+def is_ours(library: str, data: bytes) -> bool:
+    """Whether our recorder wrote a log: by its header's library or, where that is lost, by how packets are stored."""
+    if library:
+        return library.startswith(PRODUCER)
+    for piece in Scan(data):
+        if isinstance(piece, Chunk):
+            with contextlib.suppress(struct.error, ValueError, McapError, DecodeError):
+                for channel, _, _, _, content in Declared(None, ours=False).messages(piece.records):
+                    if channel == CHANNEL_IDS[RAW]:
+                        return _is_our_frame(RawFrame.FromString(content))
+    return False
+
+
+def _is_our_frame(stored: RawFrame) -> bool:
+    again = encode_frame(stored.raw)
+    if again is not None:
+        again.signature_removed = stored.signature_removed  # no longer seen in the packet
+    return again == stored
+
+
 @cache
-def our_schemas() -> dict[str, Schema]:
+def _our_schemas() -> dict[str, Schema]:
     """The schema of each of our topics, numbered as its channel."""
     return {
         topic: Schema(
@@ -106,4 +131,4 @@ def our_schemas() -> dict[str, Schema]:
 
 def _our_channel(number: int) -> tuple[Channel, Schema]:
     topic = list(TOPICS)[number - 1]
-    return Channel(number, topic, "protobuf", {}, number), our_schemas()[topic]
+    return Channel(number, topic, "protobuf", {}, number), _our_schemas()[topic]

@@ -23,7 +23,8 @@ class Disk:
         self._whole = 0  # so many bytes are whole records
         self._checksum = 0  # of those
         self._held = False
-        _sync_folder(path.parent)
+        for folder in (path.parent, path.parent.parent):  # a flight's folder is as new as its log
+            _sync_folder(folder)
 
     def write(self, data: bytes) -> int:
         """All of `data`, whole records, or OSError."""

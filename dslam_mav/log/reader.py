@@ -18,11 +18,11 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.log import codec
-from dslam_mav.log.declared import Declared
+from dslam_mav.log.declared import Declared, is_ours
 from dslam_mav.log.recovered import Recovered, recovered_from
 from dslam_mav.log.scan import Chunk, Scan
 from dslam_mav.log.schemas import flight_pb2 as pb
-from dslam_mav.log.topics import ESTIMATE, MISSION, PRODUCER, RAW, TEXT, THERMAL, TOPICS, TRUTH
+from dslam_mav.log.topics import ESTIMATE, MISSION, RAW, TEXT, THERMAL, TOPICS, TRUTH
 from dslam_mav.observations import Progress, Reading
 from dslam_mav.records import Estimate, Truth
 
@@ -136,8 +136,9 @@ class _Contents:
         self._unreadable = 0
 
     def read(self, path: Path) -> LogInfo:
-        scan = Scan(_log_bytes(Path(path)))
-        self._declared = Declared(scan.summary, ours=scan.library.startswith(PRODUCER))
+        data = _log_bytes(Path(path))
+        scan = Scan(data)
+        self._declared = Declared(scan.summary, ours=is_ours(scan.library, data))
         for piece in scan:
             if isinstance(piece, Attachment):
                 self.attachments[piece.name] = piece.data
@@ -202,8 +203,11 @@ def file_bytes(path: Path) -> bytes:
 
 def _log_bytes(path: Path) -> bytes:
     """The bytes of a file that begins as MCAP does; BadInputError for any other, before it is read as a whole."""
-    with contextlib.suppress(OSError, ValueError), path.open("rb") as file:
-        if path.is_file() and (magic := file.read(len(MAGIC))) != MAGIC:
-            seen = f"it begins with {magic!r}" if magic else "it is empty"
-            raise BadInputError(f"{path}: is no MCAP log, {seen}; expected {MAGIC!r}")
+    with contextlib.suppress(OSError, ValueError):  # file_bytes says what is wrong
+        if path.is_file():
+            with path.open("rb") as file:
+                magic = file.read(len(MAGIC))
+            if magic != MAGIC:
+                seen = f"it begins with {magic!r}" if magic else "it is empty"
+                raise BadInputError(f"{path}: is no MCAP log, {seen}; expected {MAGIC!r}")
     return file_bytes(path)

@@ -64,7 +64,7 @@ class Recorder:
 
     The file must not exist yet: a log is never overwritten. Times are nanoseconds since 1970, given by the
     caller. If writing fails (a full disk), the next call raises one LogError, and every call after it does nothing;
-    what was written before stays, closed without an index but readable everywhere. Without `close` the log is
+    what was written before stays, closed without an index, which `recover` adds. Without `close` the log is
     finished when the main thread ends.
     """
 

@@ -10,20 +10,17 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Metadata
 from mcap.writer import CompressionType, Writer
 
 from dslam_mav.errors import LogError
-from dslam_mav.log.declared import Declared, Message
-from dslam_mav.log.packets import encode_frame
+from dslam_mav.log.declared import Declared, Message, is_ours
 from dslam_mav.log.reader import file_bytes
 from dslam_mav.log.recorder import CHUNK_BYTES
 from dslam_mav.log.recovered import Recovered, as_metadata
 from dslam_mav.log.scan import Chunk, Scan
-from dslam_mav.log.schemas.flight_pb2 import RawFrame
-from dslam_mav.log.topics import CHANNEL_IDS, PRODUCER, RAW
+from dslam_mav.log.topics import PRODUCER
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +37,7 @@ class Salvaged:
     """What a log still held.
 
     `data` is the log written anew, indexed and closed. `closed`: the damaged one had been closed. `unread`: chunks
-    left out because they have no checksum or a compression other than zstd.
+    left out because they have no checksum, or are compressed with lz4.
     """
 
     data: bytes
@@ -74,8 +71,9 @@ class Salvaged:
 
 def salvage(path: Path) -> Salvaged:
     """All of a log whose checksums hold; BadInputError where it cannot be read, LogError where nothing is left."""
-    scan = Scan(file_bytes(path))
-    found = _find(scan)
+    data = file_bytes(path)
+    scan = Scan(data)
+    found = _find(scan, data)
     if not (found.messages or found.attachments or scan.complete):
         raise LogError(f"{path}: nothing can be salvaged: no chunk and no attachment of an MCAP log is whole in it")
     topics = _counts(scan, found)
@@ -89,7 +87,8 @@ def salvage(path: Path) -> Salvaged:
         closed=known is not None or scan.unbroken,
         unread=scan.unread,
     )
-    note = Recovered(source=path.name, kept=salvaged.kept, lost=salvaged.lost, exact=salvaged.exact)
+    source = path.name.encode("utf-8", "replace").decode()  # any bytes may name a file
+    note = Recovered(source=source, kept=salvaged.kept, lost=salvaged.lost, exact=salvaged.exact)
     return replace(salvaged, data=_written(scan, found, note))
 
 
@@ -106,43 +105,29 @@ class _Found:
     contradictory: int = 0
 
 
-def _find(scan: Scan) -> _Found:
-    pieces = list(scan)
-    chunks = [piece for piece in pieces if isinstance(piece, Chunk)]
-    found = _Found(Declared(scan.summary, ours=_is_ours(scan, chunks)))
-    for piece in pieces:
+def _find(scan: Scan, data: bytes) -> _Found:
+    found = _Found(Declared(scan.summary, ours=is_ours(scan.library, data)))
+    chunks: list[Chunk] = []
+    for piece in scan:
         if isinstance(piece, Attachment):
             found.attachments.append(piece)
         elif isinstance(piece, Metadata):
             found.metadata.append(piece)
+        else:
+            chunks.append(piece)
+    if not scan.complete:  # damage may bring the same record twice
+        found.attachments = [a for i, a in enumerate(found.attachments) if a not in found.attachments[:i]]
     read: list[Message] = []
     for chunk in chunks:
         try:
             read.extend(found.declared.messages(chunk.records))
         except (struct.error, ValueError, McapError):
             found.contradictory += 1
-    numbers = found.declared.numbers()
+    numbers = set(found.declared.numbers())
     found.messages = [message for message in read if message[0] in numbers]
     found.kept.update(message[0] for message in found.messages)
     found.undeclared.update(message[0] for message in read if message[0] not in numbers)
     return found
-
-
-def _is_ours(scan: Scan, chunks: Iterable[Chunk]) -> bool:
-    """By the header or, where that is lost, by a packet stored exactly as only our recorder stores packets."""
-    if scan.library:
-        return scan.library.startswith(PRODUCER)
-    for chunk in chunks:
-        try:
-            for channel, _, _, _, data in Declared(None, ours=False).messages(chunk.records):
-                if channel == CHANNEL_IDS[RAW]:
-                    stored = RawFrame.FromString(data)
-                    again = encode_frame(stored.raw)
-                    stored.signature_removed = False
-                    return again is not None and again == stored
-        except (struct.error, ValueError, McapError, DecodeError):
-            continue
-    return False
 
 
 def _counts(scan: Scan, found: _Found) -> dict[str, Count]:

@@ -1,9 +1,9 @@
 """Finds what is whole in an MCAP file, complete, cut or damaged (https://mcap.dev/spec). Pure; bytes in.
 
 The library's readers stop at the first damage or pass it on silently. Here a chunk or attachment counts only
-if its own checksum holds, and after damage the search goes on at the next chunk that does. Chunks without a
-checksum, in another compression than zstd or none, and messages outside of chunks are not read (our logs have
-none). Metadata have no checksum of their own: they count where their lengths agree.
+if its own checksum holds, and after damage the search goes on at the next one that does. Chunks without a
+checksum or in lz4, and messages outside of chunks, are not read (our logs have none). Metadata have no checksum
+of their own: they count where their lengths agree.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Scan:
     - `complete`: the file is finished and nothing in it is missing or damaged;
     - `unbroken`: the data follow record on record to their end, which no full disk brought about: none is missing;
     - `damaged_messages`: messages by channel in chunks that are damaged, as far as the indexes behind them tell;
-    - `unread`: chunks that may be whole, but have no checksum or another compression.
+    - `unread`: chunks that may be whole, but have no checksum, or are compressed with lz4.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -109,7 +109,7 @@ class Scan:
         packed = body[at + 8 :]
         if len(packed) != length:
             return None
-        if not checksum or compression not in (b"zstd", b""):
+        if not checksum or compression == b"lz4":
             self.unread += 1
             return None
         if size > _MAX_CHUNK_BYTES:
@@ -118,8 +118,10 @@ class Scan:
             if zstandard.frame_content_size(packed) not in (size, -1):
                 return None
             records = self._zstd.decompress(packed, max_output_size=size)
-        else:
+        elif compression == b"":
             records = bytes(packed)
+        else:
+            return None
         return Chunk(records) if len(records) == size and zlib.crc32(records) == checksum else None
 
     def _count_damaged(self, at: int, end: int) -> None:

@@ -64,7 +64,7 @@ def read_summary(data: bytes) -> Summary | None:
     return None
 
 
-def records(data: bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
+def _records(data: bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
     """(opcode, start, end) of the contents of each record; ValueError where one ends behind the end."""
     while start < end:
         opcode, length = RECORD.unpack_from(data, start)
@@ -82,7 +82,7 @@ def stream(data: bytes, start: int, end: int) -> ReadDataStream:
 
 def _parsed(data: bytes, start: int, end: int) -> Summary:
     summary = Summary()
-    for opcode, at, until in records(data, start, end):
+    for opcode, at, until in _records(data, start, end):
         piece = stream(data, at, until)
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(piece)

@@ -19,7 +19,6 @@ from dslam_mav.log import read_log
 from dslam_mav.log.recover import salvage
 
 KILLED = 50
-WAVE = 25  # at a time
 LONGEST_S = 2.5
 
 # One process that has everything imported becomes many by fork; each tells by a pipe of its own what it gave, and when.
@@ -38,7 +37,7 @@ def write(path, pipe):
         recorder.reading(now_ns, Reading(i, i / 3))
         os.write(pipe, struct.pack("<Q", now_ns))
         i += 1
-        time.sleep(0.01)
+        time.sleep(0.02)
 
 for name, pipe in zip(sys.argv[1::2], sys.argv[2::2]):
     child = os.fork()
@@ -50,29 +49,28 @@ time.sleep(60)
 """
 
 
-def started(folder: Path, numbers: range) -> tuple[subprocess.Popen[str], list[tuple[int, Path, Any]]]:
+def started(folder: Path, count: int) -> tuple[subprocess.Popen[str], list[tuple[int, Path, Any]]]:
     """The parent of the writers; of each its process, its log and the end of its pipe."""
-    pipes = {number: os.pipe() for number in numbers}
-    paths = {number: folder / f"{number}.mcap" for number in numbers}
-    words = [word for number in numbers for word in (str(paths[number]), str(pipes[number][1]))]
+    paths = [folder / f"{number}.mcap" for number in range(count)]
+    pipes = [os.pipe() for _ in paths]
+    words = [word for path, (_, writing) in zip(paths, pipes, strict=True) for word in (str(path), str(writing))]
     parent = subprocess.Popen(
         [sys.executable, "-c", WRITERS, *words],
         stdout=subprocess.PIPE,
         text=True,
-        pass_fds=[writing for _, writing in pipes.values()],
+        pass_fds=[writing for _, writing in pipes],
     )
     assert parent.stdout is not None
     children = []
-    for number in numbers:
-        reading, writing = pipes[number]
+    for path, (reading, writing) in zip(paths, pipes, strict=True):
         os.close(writing)
-        children.append((int(parent.stdout.readline()), paths[number], os.fdopen(reading, "rb")))
+        children.append((int(parent.stdout.readline()), path, os.fdopen(reading, "rb")))
     return parent, children
 
 
-def killed(folder: Path, numbers: range, after_s: np.ndarray) -> list[tuple[Path, int, list[int]]]:
+def killed(folder: Path, after_s: np.ndarray) -> list[tuple[Path, int, list[int]]]:
     """Of each writer: its log, when it was killed, and what it had given until then."""
-    parent, children = started(folder, numbers)
+    parent, children = started(folder, len(after_s))
     begin_s, ends = time.monotonic(), []
     for (child, path, pipe), moment_s in sorted(zip(children, after_s, strict=True), key=lambda pair: pair[1]):
         time.sleep(max(0.0, begin_s + moment_s - time.monotonic()))
@@ -92,10 +90,7 @@ def killed(folder: Path, numbers: range, after_s: np.ndarray) -> list[tuple[Path
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Path, int, list[int]]]:
     folder = tmp_path_factory.mktemp("killed")
     moments_s = np.random.default_rng(7).uniform(0.0, LONGEST_S, KILLED)
-    found = []
-    for first in range(0, KILLED, WAVE):
-        found += killed(folder, range(first, first + WAVE), moments_s[first : first + WAVE])
-    return found
+    return killed(folder, moments_s)
 
 
 def test_killed_at_fifty_moments_a_log_lacks_at_most_its_last_second(logs):

@@ -98,7 +98,7 @@ def test_a_full_disk_is_told_once_and_the_log_so_far_is_whole(tmp_path):
     assert not log.complete
     assert len(log.readings) > 1000
     assert [r.time_boot_ms for _, r in log.readings] == list(range(len(log.readings)))
-    with path.open("rb") as file:  # closed, so that others read it too
+    with path.open("rb") as file:  # closed, so that the library reads it too
         messages = list(make_reader(file, validate_crcs=True).iter_messages())
     assert len(messages) == len(log.readings)
     with path.open("rb") as file:
