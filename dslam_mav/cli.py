@@ -236,7 +236,7 @@ def _info(commands: Commands[_Parser]) -> None:
 
 def _recover(commands: Commands[_Parser]) -> None:
     parser = _add(
-        commands, "recover", "write what a cut or damaged log still holds as a whole one, and say what is lost",
+        commands, "recover", "write what a damaged log still holds as a whole one (exit code 3: something is lost)",
         "logs/latest/flight.mcap -o recovered.mcap", ("recover", "run"),
     )  # fmt: skip
     parser.add_argument("log", metavar="LOG", help=".mcap")
