@@ -27,7 +27,10 @@ FAILED = 1
 INTERRUPTED = 130
 TERMINATED = 143
 
-_EXIT_CODES = "exit codes: 0 done, 1 failed while running, 2 bad usage or input, 130 Ctrl-C, 143 SIGTERM (log closed)"
+_EXIT_CODES = (
+    "exit codes: 0 done, 1 failed while running, 2 bad usage or input, 3 recovered with losses,\n"
+    "130 Ctrl-C, 143 SIGTERM (log closed)"
+)
 
 
 class _Terminated(KeyboardInterrupt):
@@ -99,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
-    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info):
+    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _recover, _layout):
         add(commands)
     add_paper(commands, argparse.RawDescriptionHelpFormatter)
     return parser
@@ -229,3 +232,17 @@ def _report(commands: Commands[_Parser]) -> None:
 def _info(commands: Commands[_Parser]) -> None:
     parser = _add(commands, "info", "what is in a log", "logs/latest/flight.mcap", ("info", "run"))
     parser.add_argument("log", metavar="LOG", help=".mcap")
+
+
+def _recover(commands: Commands[_Parser]) -> None:
+    parser = _add(
+        commands, "recover", "write what a damaged log still holds as a whole one (exit code 3: something is lost)",
+        "logs/latest/flight.mcap -o recovered.mcap", ("recover", "run"),
+    )  # fmt: skip
+    parser.add_argument("log", metavar="LOG", help=".mcap")
+    parser.add_argument("-o", "--output", metavar="OUT", required=True, help="the log to write (.mcap)")
+
+
+def _layout(commands: Commands[_Parser]) -> None:
+    parser = _add(commands, "layout", "how Foxglove is to show a flight log", "-o dslam-mav.json", ("layout", "run"))
+    parser.add_argument("-o", "--output", metavar="FILE", help="(default: standard output)")

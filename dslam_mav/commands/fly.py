@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from dslam_mav.commands.outcome import show, write_report
 from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
 from dslam_mav.dslam.warm import warm_up
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, LogError
 from dslam_mav.mav.url import parse_url
 from dslam_mav.mission import CMD_CHANGE_SPEED, Mission, leg_plan, with_home_item
 from missions.plan import Profile, plan_mission
@@ -35,7 +36,11 @@ def run(options: Namespace) -> int:
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
     with flight_folder(Path(options.out)) as folder:
-        outcome = write_report(fly(setup, folder, options, screen), folder / "report.html")
+        outcome = fly(setup, folder, options, screen)
+        try:
+            outcome = write_report(outcome, folder / "report.html")
+        except LogError as problem:  # a full disk must not cost the answer
+            outcome = replace(outcome, stopped=outcome.stopped or problem)
     return show(screen, outcome)
 
 

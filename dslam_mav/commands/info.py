@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
 from dslam_mav.log.reader import log_info
+from dslam_mav.log.recovered import in_words
 
 
 def run(options: Namespace) -> int:
@@ -14,9 +15,12 @@ def run(options: Namespace) -> int:
     screen = Screen(json_only=options.json)
     path = Path(options.log)
     info = log_info(path)
-    screen.say(f"{path}: {info['duration_s']:.1f} s, {'complete' if info['complete'] else 'cut short or damaged'}")
+    state = "complete" if info["complete"] else "cut short or damaged, see dslam-mav recover"
+    screen.say(f"{path}: {info['duration_s']:.1f} s, {state}")
     width = max((len(topic) for topic in info["topics"]), default=0)
     for topic, count in sorted(info["topics"].items()):
         screen.say(f"  {topic:<{width}}  {count}")
+    if "recovered" in info:
+        screen.say(f"  {in_words(info['recovered'])}")
     screen.result(info)
     return 0

@@ -14,6 +14,7 @@ from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import plan_facts
 from dslam_mav.log.reader import FlightLog, read_log
+from dslam_mav.log.recovered import in_words as recovered_in_words
 from dslam_mav.mission import Mission
 from dslam_mav.records import Truth
 from dslam_mav.replay import Replayed, flight_from_log
@@ -95,6 +96,9 @@ def outcome_of(logged: Logged) -> Outcome:
     warnings = list(replayed.collector.notes(replayed.legs))
     if logged.log is not None and not logged.log.complete:
         warnings.insert(0, f"{logged.path}: the log is cut short or damaged; what could be read is used")
+    recovered = None if logged.log is None else logged.log.recovered
+    if recovered is not None and (recovered["lost"] or not recovered["exact"]):
+        warnings.insert(0, f"{logged.path}: {recovered_in_words(recovered)}")
     modes = {leg.mode for leg in replayed.legs}
     facts = {
         "readings": f"{replayed.flight.n_readings} on {len(replayed.legs)} legs, from {logged.path.name}",

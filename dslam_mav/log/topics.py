@@ -12,6 +12,7 @@ from google.protobuf.message import Message
 from dslam_mav.log.schemas.flight_pb2 import EstimateUpdate, MissionProgress, RawFrame, ThermalReading, Truth
 
 PRODUCER = "dslam-mav"  # the MCAP header's library begins so
+RECOVERED = "dslam-mav/recovered"  # the name of the metadata that `recover` adds
 
 RAW = "/mavlink/raw"
 THERMAL = "/thermal"

@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from dslam_mav.log import Recorder
+from dslam_mav.log import Recorder, recorder
 from dslam_mav.mav.frames import Encoder, messages
 from dslam_mav.observations import Progress, Reading
 from dslam_mav.records import Estimate, Medium, Path, Sources, Truth, Verdict
@@ -112,4 +112,14 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """One closed log for all tests that only read."""
     path = tmp_path_factory.mktemp("log") / "flight.mcap"
     write_flight(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def small_chunks(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A short closed log of many small chunks."""
+    path = tmp_path_factory.mktemp("log") / "flight.mcap"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "CHUNK_BYTES", 2048)
+        write_flight(path, n=240)
     return path
