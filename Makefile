@@ -30,6 +30,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench.plans
 	$(BIN)/python -m tests.bench.recorded_fields
 	$(BIN)/python -m tests.bench.recorded
+	$(BIN)/python -m tests.bench.flights
 
 # The generated schemas are kept in the repository; this makes them anew, with a compiler whose code every allowed
 # protobuf runtime accepts, in an environment of its own.
