@@ -48,6 +48,15 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--diffusivity", metavar="M2_S", type=POSITIVE, help="μ of the medium")
     group.add_argument("--activation", metavar="S", type=ANY, help="τ, seconds from the start of the first leg")
     group.add_argument("--ambient", metavar="VALUE|auto", type=or_auto(ANY), help="ambient level (default: auto)")
+    group.add_argument(
+        "--ambient-drift",
+        metavar="PER_S|auto",
+        type=or_auto(ANY),
+        help="of the ambient level, in reading units a second: a sensor that warms up (default: 0)",
+    )
+    group.add_argument(
+        "--lag", metavar="S|auto", type=or_auto(NOT_NEGATIVE), help="time constant of a slow sensor (default: 0)"
+    )
     moving = group.add_mutually_exclusive_group()
     moving.add_argument("--static", action="store_true", help="the field stands still during the flight (default)")
     moving.add_argument("--evolving", action="store_true", help="it spreads during the flight: C = 4μ(t − τ)")

@@ -36,6 +36,7 @@ MAX_SOURCES = 8
 DOUBTFUL_P = 0.05
 STANDS = "The field was found to stand still."
 CONTRADICTED = "A field that stands still fits them better than one that evolves with the μ or τ given."
+DRIFTING = "Readings fit with an ambient level that drifts: let it be estimated (ambient_drift_per_s=None)."
 COOLING = "Readings fit better upside down: sources that cool are not in the model."
 
 
@@ -149,7 +150,20 @@ def _reconsidered(question: _Question, result: Estimate) -> Estimate:
     doubtful = result.verdict is Verdict.NOT_CONVERGED or told["whiteness_p"] < MISFIT_P_VALUE
     if doubtful and not question.medium.static:
         return _or_standing(question, result)
+    if doubtful and _drifts(question, result):
+        others = tuple(replace(other, verdict=Verdict.MODEL_MISFIT) for other in result.alternatives)
+        return replace(result, verdict=Verdict.MODEL_MISFIT, reason=DRIFTING, alternatives=others)
     return _or_cooling(question, result, doubtful)
+
+
+def _drifts(question: _Question, result: Estimate) -> bool:
+    """Whether an ambient level that drifts explains what is left, and nothing else is left then."""
+    medium = question.medium
+    if medium.ambient is not None or medium.ambient_drift_per_s is None or question.flight.parametric is not None:
+        return False
+    drifting = replace(question, medium=replace(medium, ambient_drift_per_s=None), start=None)
+    told = _with_k(drifting, len(result.sources)).diagnostics
+    return bool(told.get("whiteness_p", 0.0) >= MISFIT_P_VALUE and told["cost"] < result.diagnostics["cost"])
 
 
 def _or_standing(question: _Question, result: Estimate) -> Estimate:
@@ -197,22 +211,18 @@ def _choose_k(question: _Question, max_sources: int) -> Estimate:
     Too few sources leave a misfit that no patience mends: they are held against the answer only where it is as small
     as what a shape leaves.
     """
-    tried = [_with_k(question, 1, patient=False)]
-    best = tried[0]
+    best, mended = _with_k(question, 1, patient=False), False
     for k_sources in range(2, max_sources + 1):
         more = _with_k(question, k_sources, patient=False)
         if "cost" not in more.diagnostics:
             break  # too few data for so many
-        tried.append(more)
-        if "cost" not in best.diagnostics or _more_is_better(best, more):
-            best = more
+        if _more_is_better(best, more) and _mendable(best):
+            best, mended = _with_k(question, len(best.sources)), True
+        if _more_is_better(best, more):
+            best, mended = more, False
         elif best.diagnostics["whiteness_p"] >= MISFIT_P_VALUE or _mendable(best):
             break
-    fewer = tried[len(best.sources) - 2] if len(best.sources) > 1 else best
-    if fewer is not best and _mendable(fewer):
-        fewer = _with_k(question, len(fewer.sources))
-        best = best if _more_is_better(fewer, best) else fewer
-    return _with_k(question, len(best.sources)) if _mendable(best) else best
+    return _with_k(question, len(best.sources)) if _mendable(best) and not mended else best
 
 
 def _mendable(result: Estimate) -> bool:
@@ -222,15 +232,16 @@ def _mendable(result: Estimate) -> bool:
 
 
 def _more_is_better(few: Estimate, more: Estimate) -> bool:
-    """Whether n ln(cost) + P ln(n/K) is lower with more sources, both with the larger model's n and K: an unknown is
-    told by its source's share of the readings.
+    """Whether n ln(cost) + P ln n is lower with more sources; both are counted over the same n.
 
     Residuals that may not be white (the larger model's, at 5 %) count as the numbers the legs can carry, not as
     readings: otherwise sources are added to mend the model's own misfit.
     """
     a, b = few.diagnostics, more.diagnostics
+    if "cost" not in a:
+        return True
     n = float(b["n_readings"])
     if b["whiteness_p"] < DOUBTFUL_P:
         n = min(n, float(b["freedom_inside"]))
-    extra = (len(more.parameter_names) - len(few.parameter_names)) * np.log(n / len(more.sources))
+    extra = (len(more.parameter_names) - len(few.parameter_names)) * np.log(n)
     return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra < 0.0)

@@ -26,7 +26,7 @@ def model_of(prob: Problem, state: State) -> Array:
     lag = float(np.exp(state.log_lag))
     if lag > 0.0:
         lagged(out[:, None], prob.t, lag)
-    return _mixed(prob, out + state.ambient)
+    return _mixed(prob, out + state.ambient + state.drift * prob.t)
 
 
 def residual_of(prob: Problem, state: State, at: Layout | None = None) -> Array:
@@ -54,7 +54,8 @@ def evaluate(prob: Problem, state: State, at: Layout | None = None) -> tuple[Arr
         by_lag = lagged(out, prob.t, lag)
         columns[:, at.lag] = by_lag[:, -1:]
     columns[:, at.ambient] = 1.0
-    out[:, -1] += state.ambient
+    columns[:, at.drift] = prob.t[:, None]
+    out[:, -1] += state.ambient + state.drift * prob.t
     out = _mixed(prob, out)
     off, rows = prior_rows(prob, state, at)
     return np.concatenate([out[:, -1] - prob.y, off]), np.vstack([out[:, :-1], rows])

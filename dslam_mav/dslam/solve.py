@@ -15,7 +15,7 @@ from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.media import apart, media_starts
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Known, Problem, alike
-from dslam_mav.dslam.reduce import binned, reduced
+from dslam_mav.dslam.reduce import binned, reduced, unlagged
 from dslam_mav.dslam.resume import fits_the_flight, resumed
 from dslam_mav.dslam.scatter import scatter
 from dslam_mav.dslam.starts import Starts, starts, warm_starts
@@ -26,6 +26,8 @@ from dslam_mav.records import Estimate
 Array = NDArray[np.float64]
 
 THREADS = 2  # as the search; the fits are the same whatever their number
+USUAL_LAGS = np.array([0.003, 0.01, 0.03])  # of the flight: where an unknown lag is looked for
+NEAR_LAG = np.array([0.6, 1.0])  # of a known one: how far back readings belong depends on what they pass
 HEAT = 6  # iterations all starts are given
 CRAWLING = 8  # of the best: taken on by Newton's steps where they have not settled
 FAR_BEHIND = 40.0  # in χ², after them
@@ -76,6 +78,10 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
                 return warm
     begun = _search(task.problem, coarse, task.k_sources, rng)
     solved = _solved(task, begun, coarse, rng)
+    if solved is not None and task.problem.drift is None:
+        coarse = replace(coarse, y=coarse.y - solved.fits[0].state.drift * coarse.t)
+        begun = _search(task.problem, coarse, task.k_sources, rng)
+        solved = _solved(task, replace(begun, states=begun.states + solved.ends), coarse, rng)
     flat = task.problem.basis is None and task.problem.dimensions == 2
     if solved is None or not (solved.level.misfit and task.patient and flat):
         return solved
@@ -96,7 +102,25 @@ def _dithered(prob: Problem, rng: np.random.Generator) -> Problem:
 
 
 def _search(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
-    """Starts at one C for all sources, whatever is known of each."""
+    """Starts at one C for all sources, whatever is known of each; of a slow sensor at its lag, or at likely ones."""
+    if prob.lag == 0.0 or prob.basis is not None:
+        return _search_unlagged(prob, coarse, k_sources, rng)
+    likely = USUAL_LAGS * prob.t[-1] if prob.lag is None else NEAR_LAG * prob.lag
+    lags = [float(lag) for lag in likely]
+    found = [_search_unlagged(prob, unlagged(coarse, lag), k_sources, rng) for lag in lags]
+    states = []
+    for lag, each in zip(lags, found, strict=True):
+        own = float(np.log(lag if prob.lag is None else prob.lag))
+        states += [replace(state, log_lag=own, log_spread2=_as_known(coarse, state)) for state in each.states]
+    return replace(found[0], states=tuple(states))
+
+
+def _as_known(prob: Problem, state: State) -> Array:
+    """(K,) ln C as known, which the search may have widened."""
+    return state.log_spread2 if prob.spread2 is None else np.log(np.broadcast_to(prob.spread2, len(state.s)))
+
+
+def _search_unlagged(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     if prob.basis is not None or prob.dimensions == 3:
         return scatter(prob, k_sources, rng)
     return media_starts(coarse, k_sources, rng) if coarse.spread2 is None else starts(coarse, k_sources, rng)
@@ -167,7 +191,9 @@ def _as_asked(prob: Problem, found: Sequence[State]) -> list[State]:
     asked = list(found)
     if prob.extent is not None:
         asked = [replace(state, extent=prob.extent) for state in asked]
-    if prob.lag is None:
+    if prob.ambient is not None:
+        asked = [replace(state, ambient=prob.ambient) for state in asked]
+    if prob.lag is None and prob.basis is not None:
         asked = [replace(state, log_lag=float(np.log(USUAL_LAG * prob.t[-1]))) for state in asked]
     own = prob.spread2 if prob.spread2 is not None else prob.age
     if own is not None and own.size > 1:

@@ -30,8 +30,8 @@ class State:
     """θ (L,) with θ_1 = 0, S (K, d), ln a (K,), ln C at the first reading (K,), ln 4μ (−∞: static), ambient level.
 
     `climb` (L,) of every leg above the plane, `longer` (L,) what a leg is longer than said, `gap` (L, d) from its
-    end to where the next begins, `coefficients` (P, d) of a parametric path, κ `extent`, `log_lag`; `turn` and `shift`
-    (d,) lead to the frame of known headings and points.
+    end to where the next begins, `coefficients` (P, d) of a parametric path, κ `extent`, `log_lag`, `drift`; `turn`
+    and `shift` (d,) lead to the frame of known headings and points.
     """
 
     theta: Array
@@ -46,6 +46,7 @@ class State:
     coefficients: Array
     extent: float = 0.0
     log_lag: float = -np.inf
+    drift: float = 0.0
     turn: float = 0.0
     shift: Array | None = None
 
@@ -88,6 +89,7 @@ class Layout(NamedTuple):
     medium: slice
     extent: slice
     ambient: slice
+    drift: slice
     lag: slice
     turn: slice
     shift: slice
@@ -120,6 +122,7 @@ def layout(prob: Problem, k_sources: int) -> Layout:
         by_medium.shape[1],
         int(prob.extent is None),
         int(prob.ambient is None),
+        int(prob.drift is None),
         int(prob.lag is None),
         int(known.heading is not None or known.points is not None),
         d if known.points is not None else 0,
@@ -167,7 +170,13 @@ def parameter_names(prob: Problem, k_sources: int) -> tuple[str, ...]:
     if prob.rate is None and prob.age is None:
         medium.append("ln diffusivity")
     frame = layout(prob, k_sources)
-    kinds = (("extent", frame.extent), ("ambient", frame.ambient), ("ln lag", frame.lag), ("turn", frame.turn))
+    kinds = (
+        ("extent", frame.extent),
+        ("ambient", frame.ambient),
+        ("ambient drift", frame.drift),
+        ("ln lag", frame.lag),
+        ("turn", frame.turn),
+    )
     rest = [name for name, part in kinds if any_in(part)]
     shift = [f"shift {a}" for a in axes] if prob.known.points is not None else []
     return (*headings, *climbs, *coefficients, *longer, *gaps, *places, *amplitudes, *medium, *rest, *shift)
@@ -221,6 +230,8 @@ def moved(prob: Problem, state: State, step: Array, at: Layout) -> State:
         change["extent"] = min(max(extent, -MAX_EXTENT), MAX_EXTENT)
     if any_in(at.ambient):
         change["ambient"] = state.ambient + float(step[at.ambient][0])
+    if any_in(at.drift):
+        change["drift"] = state.drift + float(step[at.drift][0])
     if any_in(at.lag):
         change["log_lag"] = state.log_lag + float(part(at.lag)[0])
     if any_in(at.turn):

@@ -59,6 +59,7 @@ def in_si(state: State, unit: Units) -> State:
         log_spread2=state.log_spread2 + 2.0 * np.log(length),
         log_rate=state.log_rate + 2.0 * float(np.log(length)) - float(np.log(time)),
         ambient=state.ambient * reading,
+        drift=state.drift * (reading / time),
         longer=state.longer * length,
         gap=state.gap * length,
         coefficients=state.coefficients * length,
@@ -73,4 +74,5 @@ def parameter_units(at: Layout, unit: Units) -> Array:
     for part in (at.coefficient, at.longer, at.gap, at.place, at.shift):
         out[part] = unit.length
     out[at.ambient] = unit.reading
+    out[at.drift] = unit.reading / unit.time
     return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 from collections.abc import Iterable
 from typing import Any, cast
 
@@ -169,6 +170,8 @@ def _encode_medium(medium: Medium) -> pb.Medium:
         value = getattr(medium, name)
         if value is not None:
             setattr(message, name, float(value))
+    drift = medium.ambient_drift_per_s
+    message.ambient_drift_per_s = math.nan if drift is None else float(drift)
     if isinstance(medium.activation_s, str):
         message.activation_shared = True
     elif isinstance(medium.activation_s, tuple):
@@ -186,7 +189,8 @@ def _decode_medium(message: pb.Medium) -> Medium:
         known["activation_s"] = "shared"
     if message.activations_s:
         known["activation_s"] = tuple(message.activations_s)
-    return Medium(static=message.static, dimensions=message.dimensions, **known)
+    drift = None if math.isnan(message.ambient_drift_per_s) else message.ambient_drift_per_s
+    return Medium(static=message.static, dimensions=message.dimensions, ambient_drift_per_s=drift, **known)
 
 
 def _array(values: FloatArray) -> pb.Array:

@@ -23,6 +23,7 @@ MEDIA = {
     "evolving, one activation each": Medium(diffusivity_m2_s=0.02),
     "evolving, diffusivity unknown": Medium(activation_s=-15.0, ambient=1.0),
     "evolving, nothing known": Medium(ambient=None),
+    "drifting": Medium(spread_m=1.3, static=True, ambient=None, ambient_drift_per_s=None),
     "slow sensor": Medium(spread_m=1.3, static=True, sensor_lag_s=0.3),
     "sensor of unknown lag": Medium(diffusivity_m2_s=0.02, activation_s="shared", ambient=None, sensor_lag_s=None),
 }
@@ -56,12 +57,13 @@ def _state(prob, seed=0):
         log_rate=log_rate, ambient=0.4 if prob.ambient is None else prob.ambient, climb=climb,
         longer=np.zeros(n_legs), gap=0.1 * rng.normal(size=(n_legs, d)),
         coefficients=rng.normal(size=(0 if prob.basis is None else prob.basis.shape[1], d)),
+        drift=0.02 if prob.drift is None else 0.0,
         extent=0.1 if prob.extent is None else prob.extent, turn=0.3, shift=rng.normal(size=d),
         log_lag=-1.0 if prob.lag is None else float(np.log(prob.lag)) if prob.lag else -np.inf,
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("medium", list(MEDIA.values())[:9], ids=list(MEDIA)[:9])
+@pytest.mark.parametrize("medium", list(MEDIA.values())[:10], ids=list(MEDIA)[:10])
 def test_the_residual_is_the_field_less_the_readings(medium):
     prob = problem(_flight("legs"), medium)
     state = _state(prob)
@@ -71,7 +73,8 @@ def test_the_residual_is_the_field_less_the_readings(medium):
     c = np.exp(state.log_spread2)[None, :] + np.exp(state.log_rate) * prob.t[:, None]
     if isinstance(medium.activation_s, tuple):
         c = squared_spread_m2(prob.t[:, None], 0.02, np.array(medium.activation_s))
-    expected = field(where, c, state.s, np.exp(state.log_amplitude)) + state.ambient - prob.y
+    level = state.ambient + state.drift * prob.t
+    expected = field(where, c, state.s, np.exp(state.log_amplitude)) + level - prob.y
     np.testing.assert_allclose(residual_of(prob, state), expected, rtol=1e-10, atol=1e-10)
 
 

@@ -70,7 +70,7 @@ class Path(_message.Message):
     def __init__(self, vertices_m: _Optional[_Union[Array, _Mapping]] = ..., heading_rad: _Optional[_Iterable[float]] = ..., coefficients_m: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
 
 class Medium(_message.Message):
-    __slots__ = ("diffusivity_m2_s", "activation_s", "activation_shared", "spread_m", "ambient", "static", "dimensions", "sensor_lag_s", "extent", "activations_s")
+    __slots__ = ("diffusivity_m2_s", "activation_s", "activation_shared", "spread_m", "ambient", "static", "dimensions", "sensor_lag_s", "extent", "activations_s", "ambient_drift_per_s")
     DIFFUSIVITY_M2_S_FIELD_NUMBER: _ClassVar[int]
     ACTIVATION_S_FIELD_NUMBER: _ClassVar[int]
     ACTIVATION_SHARED_FIELD_NUMBER: _ClassVar[int]
@@ -81,6 +81,7 @@ class Medium(_message.Message):
     SENSOR_LAG_S_FIELD_NUMBER: _ClassVar[int]
     EXTENT_FIELD_NUMBER: _ClassVar[int]
     ACTIVATIONS_S_FIELD_NUMBER: _ClassVar[int]
+    AMBIENT_DRIFT_PER_S_FIELD_NUMBER: _ClassVar[int]
     diffusivity_m2_s: float
     activation_s: float
     activation_shared: bool
@@ -91,7 +92,8 @@ class Medium(_message.Message):
     sensor_lag_s: float
     extent: float
     activations_s: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, diffusivity_m2_s: _Optional[float] = ..., activation_s: _Optional[float] = ..., activation_shared: bool = ..., spread_m: _Optional[float] = ..., ambient: _Optional[float] = ..., static: bool = ..., dimensions: _Optional[int] = ..., sensor_lag_s: _Optional[float] = ..., extent: _Optional[float] = ..., activations_s: _Optional[_Iterable[float]] = ...) -> None: ...
+    ambient_drift_per_s: float
+    def __init__(self, diffusivity_m2_s: _Optional[float] = ..., activation_s: _Optional[float] = ..., activation_shared: bool = ..., spread_m: _Optional[float] = ..., ambient: _Optional[float] = ..., static: bool = ..., dimensions: _Optional[int] = ..., sensor_lag_s: _Optional[float] = ..., extent: _Optional[float] = ..., activations_s: _Optional[_Iterable[float]] = ..., ambient_drift_per_s: _Optional[float] = ...) -> None: ...
 
 class Estimate(_message.Message):
     __slots__ = ("verdict", "verdict_name", "verdict_sentence", "reason", "gauge", "sources", "path", "medium", "spread_m", "noise_sd", "log_likelihood", "position_covariance_m2", "path_aligned_covariance_m2", "parameter_names", "parameter_covariance", "residual", "unseen_directions", "diagnostics_json", "alternatives")
