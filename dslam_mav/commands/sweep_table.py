@@ -1,0 +1,72 @@
+"""What a sweep came to, as a table, as sentences and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from dslam_mav.records import Verdict
+from dslam_mav.report.numbers import UNKNOWN, significant
+from dslam_mav.sweep.engine import Swept
+from dslam_mav.sweep.points.summary import FAILED, Group
+
+
+def table(groups: Sequence[Group]) -> Table:
+    """A line for each mission, noise level and method."""
+    made = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    made.padding = (0, 0, 0, 0)
+    for name in groups[0].labels:
+        made.add_column(name, vertical="bottom", no_wrap=name != "mission")
+    heads = ("points", "error\nm", "90 %\nm", "bound\nm", "error/\nbound", "found", "or\nlisted", "IDENT-\nIFIED",
+             "AMBIG-\nUOUS", "other", FAILED)  # fmt: skip
+    for head in heads:
+        made.add_column(head, justify="right", vertical="bottom", no_wrap=True)
+    for group in groups:
+        counts = [group.verdicts.get(name, 0) for name in (Verdict.IDENTIFIED.name, Verdict.AMBIGUOUS.name, FAILED)]
+        lengths = (group.error_m, group.error_p90_m, group.bound_m, group.over_bound)
+        made.add_row(
+            *group.labels.values(),
+            str(group.points),
+            *(significant(value, 2) for value in lengths),
+            _percent(group.found_share),
+            _percent(group.listed_share),
+            *(_percent(count / group.points) for count in (*counts[:2], group.points - sum(counts))),
+            str(counts[2]),
+        )
+    return made
+
+
+def sentences(swept: Swept, took_s: float) -> list[str]:
+    """What the table's columns are, and what was done."""
+    lines = [
+        "error: of the sources, RMS, relative to leg 1, median and 90 %; bound: Cramér–Rao, median; error/bound: "
+        "median; found: the answer is the truth; listed: it or one of its alternatives is"
+    ]
+    if swept.computed:
+        lines.append(f"{swept.computed} points computed in {took_s:.1f} s")
+    return lines
+
+
+def as_json(swept: Swept, groups: Sequence[Group], took_s: float, files: dict[str, Any]) -> dict[str, Any]:
+    """The one object of --json; NaN is null."""
+    return {
+        "points": len(swept.rows),
+        "computed": swept.computed,
+        "failed": len(swept.failed),
+        "seconds": took_s,
+        "groups": [{name: _finite(value) for name, value in asdict(group).items()} for group in groups],
+        **files,
+    }
+
+
+def _percent(share: float) -> str:
+    return UNKNOWN if math.isnan(share) else f"{100.0 * share:.0f} %"
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value

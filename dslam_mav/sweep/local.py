@@ -1,0 +1,120 @@
+"""Jobs in processes of this machine. A process that dies takes its own job with it, and no other."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from dslam_mav.sweep.job import Ended, Job, run_job
+from dslam_mav.sweep.points.columns import Row
+
+ATTEMPTS = 2
+DIED = "its worker process was killed or crashed"
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+Answer = Future[tuple[Row, str]]
+
+
+@dataclass(eq=False)
+class _Turn:
+    """A job's turn on the pool of one process that runs it."""
+
+    pool: ProcessPoolExecutor
+    job: Job
+    attempt: int
+
+
+class LocalWorkers:
+    """`count` processes, each with one thread; `warn` is told of each that dies."""
+
+    def __init__(self, count: int, warn: Callable[[str], None]) -> None:
+        self._count, self._warn = count, warn
+
+    def run(self, jobs: Sequence[Job]) -> Generator[Ended, None, None]:
+        """Every job; one whose process died is tried once more, then it has failed."""
+        left = deque((job, 1) for job in jobs)
+        pools = [_pool() for _ in range(min(self._count, len(left)))]
+        running: dict[Answer, _Turn] = {}
+        with _one_thread_each():
+            try:
+                for pool in pools:
+                    _start(pool, left, running)
+                while running:
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        turn = running.pop(future)
+                        ended = self._ended(future, turn)
+                        if ended is None:
+                            left.appendleft((turn.job, turn.attempt + 1))
+                        if isinstance(future.exception(), BrokenExecutor):
+                            turn.pool = _renewed(pools, turn.pool)
+                        _start(turn.pool, left, running)
+                        if ended is not None:
+                            yield ended
+            finally:
+                for pool in pools:
+                    pool.shutdown(wait=True, cancel_futures=True)
+
+    def _ended(self, future: Answer, turn: _Turn) -> Ended | None:
+        """What came of it; None: to be tried again."""
+        try:
+            return Ended(turn.job, *future.result())
+        except BrokenExecutor:
+            name = ", ".join(str(value) for value in turn.job.coordinates.values())
+            if turn.attempt < ATTEMPTS:
+                self._warn(f"{name}: {DIED}; it is tried once more")
+                return None
+            self._warn(f"{name}: {DIED} again; it is recorded as failed")
+            return Ended(turn.job, {}, f"{DIED}, {ATTEMPTS} times")
+
+
+def _pool() -> ProcessPoolExecutor:
+    # not forked: a fork of a process with threads may hang
+    return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare)
+
+
+def _renewed(pools: list[ProcessPoolExecutor], broken: ProcessPoolExecutor) -> ProcessPoolExecutor:
+    broken.shutdown(wait=True)
+    pools[pools.index(broken)] = fresh = _pool()
+    return fresh
+
+
+def _start(pool: ProcessPoolExecutor, left: deque[tuple[Job, int]], running: dict[Answer, _Turn]) -> None:
+    if left:
+        job, attempt = left.popleft()
+        running[pool.submit(run_job, job)] = _Turn(pool, job, attempt)
+
+
+def _prepare() -> None:
+    """Ctrl-C reaches the whole group, and the parent alone decides what it means; without a parent there is no work."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile have one thread: libraries read this once, when they are loaded."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
