@@ -44,8 +44,9 @@ def table(groups: Sequence[Group]) -> Table:
 def sentences(swept: Swept, took_s: float) -> list[str]:
     """What the table's columns are, and what was done."""
     lines = [
-        "error: of the sources, RMS, relative to leg 1, median and 90 %; bound: Cramér–Rao, median; error/bound: "
-        "median; found: the answer is the truth; listed: it or one of its alternatives is"
+        "error: of the sources, RMS, relative to leg 1, median and 90 %; bound: Cramér–Rao, on that RMS, median; "
+        "error/bound: RMS where the truth is found, 1 is efficient; found: the answer is the truth; listed: the answer "
+        "or one of its alternatives is"
     ]
     if swept.computed:
         lines.append(f"{swept.computed} points computed in {took_s:.1f} s")

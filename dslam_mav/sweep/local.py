@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Self
 
 from dslam_mav.sweep.job import Ended, Job, run_job
 from dslam_mav.sweep.points.columns import Row
@@ -22,17 +23,17 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 Answer = Future[tuple[Row, str]]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Turn:
-    """A job's turn on the pool of one process that runs it."""
+    """A job's turn on the process with this number."""
 
-    pool: ProcessPoolExecutor
+    process: int
     job: Job
     attempt: int
 
 
 class LocalWorkers:
-    """`count` processes, each with one thread; `warn` is told of each that dies."""
+    """`count` processes, each with one thread; `warn` is told of each that dies with a job."""
 
     def __init__(self, count: int, warn: Callable[[str], None]) -> None:
         self._count, self._warn = count, warn
@@ -40,26 +41,19 @@ class LocalWorkers:
     def run(self, jobs: Sequence[Job]) -> Generator[Ended, None, None]:
         """Every job; one whose process died is tried once more, then it has failed."""
         left = deque((job, 1) for job in jobs)
-        pools = [_pool() for _ in range(min(self._count, len(left)))]
         running: dict[Answer, _Turn] = {}
-        with _one_thread_each():
-            try:
-                for pool in pools:
-                    _start(pool, left, running)
-                while running:
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        turn = running.pop(future)
-                        ended = self._ended(future, turn)
-                        if ended is None:
-                            left.appendleft((turn.job, turn.attempt + 1))
-                        if isinstance(future.exception(), BrokenExecutor):
-                            turn.pool = _renewed(pools, turn.pool)
-                        _start(turn.pool, left, running)
-                        if ended is not None:
-                            yield ended
-            finally:
-                for pool in pools:
-                    pool.shutdown(wait=True, cancel_futures=True)
+        with _one_thread_each(), _Processes(min(self._count, len(left))) as processes:
+            for process in range(len(processes)):
+                _start(processes, process, left, running)
+            while running:
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    turn = running.pop(future)
+                    ended = self._ended(future, turn)
+                    if ended is None:
+                        left.appendleft((turn.job, turn.attempt + 1))
+                    _start(processes, turn.process, left, running)  # before anything else: nobody shall wait
+                    if ended is not None:
+                        yield ended
 
     def _ended(self, future: Answer, turn: _Turn) -> Ended | None:
         """What came of it; None: to be tried again."""
@@ -74,21 +68,41 @@ class LocalWorkers:
             return Ended(turn.job, {}, f"{DIED}, {ATTEMPTS} times")
 
 
+class _Processes:
+    """Pools of one process each: a pool whose process dies says so of all its jobs, and cannot be used any more."""
+
+    def __init__(self, count: int) -> None:
+        self._pools = [_pool() for _ in range(count)]
+
+    def __len__(self) -> int:
+        return len(self._pools)
+
+    def submit(self, process: int, job: Job) -> Answer:
+        """Hand it over, to a fresh process where that one is dead."""
+        try:
+            return self._pools[process].submit(run_job, job)
+        except BrokenExecutor:
+            self._pools[process].shutdown(wait=True)
+            self._pools[process] = _pool()
+            return self._pools[process].submit(run_job, job)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        for pool in self._pools:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
 def _pool() -> ProcessPoolExecutor:
     # not forked: a fork of a process with threads may hang
     return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare)
 
 
-def _renewed(pools: list[ProcessPoolExecutor], broken: ProcessPoolExecutor) -> ProcessPoolExecutor:
-    broken.shutdown(wait=True)
-    pools[pools.index(broken)] = fresh = _pool()
-    return fresh
-
-
-def _start(pool: ProcessPoolExecutor, left: deque[tuple[Job, int]], running: dict[Answer, _Turn]) -> None:
+def _start(processes: _Processes, process: int, left: deque[tuple[Job, int]], running: dict[Answer, _Turn]) -> None:
     if left:
         job, attempt = left.popleft()
-        running[pool.submit(run_job, job)] = _Turn(pool, job, attempt)
+        running[processes.submit(process, job)] = _Turn(process, job, attempt)
 
 
 def _prepare() -> None:

@@ -72,7 +72,7 @@ def _panel(axes: Axes, rows: Sequence[Row], in_db: bool) -> None:
 
 def _lines(axes: Axes, x: Any, groups: Sequence[Group], look: dict[str, Any], *, bound: bool) -> None:
     if bound:
-        least = SERIES["bound"] | {"marker": "", "linestyle": "--"}
+        least = SERIES["bound"] | {"marker": "", "linestyle": "--", "label": "Cramér–Rao bound on the RMS"}
         axes.plot(x, [group.bound_m for group in groups], linewidth=2.0, **least)
     axes.plot(x, [group.error_m for group in groups], markersize=5, **look | {"label": f"{look['label']}, median"})
     wide = look | {"label": f"{look['label']}, 90 %", "linestyle": ":", "markerfacecolor": "none"}

@@ -18,8 +18,8 @@ LEVELS = ("mission", "noise", "method")
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
     """Points alike in `labels`. Errors and bounds are medians in metres, `error_p90_m` holds for 90 % of the points,
-    all of the same points: those with an answer; NaN where there is none. `over_bound`: median of error over bound.
-    Shares are of all points whose truth is known.
+    all of the same points: those with an answer; NaN where there is none. `over_bound`: RMS of error over bound, of
+    the points that found the truth; 1 is efficient. Shares are of all points whose truth is known.
     """
 
     labels: Mapping[str, str]
@@ -53,7 +53,7 @@ def _group(labels: Mapping[str, str], rows: Sequence[Row]) -> Group:
         _percentile(error, 50.0),
         _percentile(error, 90.0),
         _percentile(numbers(told, "bound_m"), 50.0),
-        _percentile(numbers(told, "error_over_bound"), 50.0),
+        _rms(numbers([row for row in told if row["found"]], "error_over_bound")),
         _share(rows, "found"),
         _share(rows, "listed"),
         _percentile(numbers(rows, "seconds"), 50.0),
@@ -67,6 +67,10 @@ def numbers(rows: Sequence[Row], name: str) -> Array:
 
 def _percentile(values: Array, percent: float) -> float:
     return float(np.percentile(values, percent)) if values.size else float("nan")
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
 def _share(rows: Sequence[Row], name: str) -> float:
