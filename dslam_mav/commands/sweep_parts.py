@@ -41,6 +41,8 @@ class Scenes(Part, frozen=True):
     def __post_init__(self) -> None:
         if (self.files is None) == (self.random is None):
             raise ValueError("files: expected exactly one of files and random")
+        if self.files is not None:
+            each("files", self.files, bool, "names of scene files")
         if self.files is not None and (drawn := sorted(self.given() - {"files"})):
             raise ValueError(f"{drawn[0]}: is of random scenes; expected without files")
         if self.random is not None and self.random < 1:
@@ -95,7 +97,8 @@ class Mission(Part, frozen=True):
             raise ValueError(f'path: expected "{OWN_PATH}", got "{self.path}"')
         if self.name is not None and len(self.legs_m) > 1:
             raise ValueError(f'name: expected none with several lengths, got "{self.name}"')
-        each("leg_m", self.legs_m or [1.0], lambda m: 0.0 < m < math.inf, "a positive number")
+        if self.leg_m is not None:
+            each("leg_m", self.legs_m, lambda m: 0.0 < m < math.inf, "a positive number")
         finite("heading_deg", self.heading_deg)
 
     @property
@@ -113,8 +116,10 @@ class Noise(Part, frozen=True):
     def __post_init__(self) -> None:
         if (self.snr_db is None) == (self.sd is None):
             raise ValueError("snr_db: expected exactly one of snr_db and sd")
-        each("snr_db", listed(self.snr_db) or [0.0], math.isfinite, "a finite number")
-        each("sd", listed(self.sd) or [0.0], not_negative, "0 or more")
+        if self.snr_db is not None:
+            each("snr_db", listed(self.snr_db), math.isfinite, "a finite number")
+        else:
+            each("sd", listed(self.sd), not_negative, "0 or more")
 
     @property
     def levels(self) -> list[tuple[str, float]]:

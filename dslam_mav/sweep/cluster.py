@@ -43,7 +43,7 @@ class DaskWorkers:
 
         left = iter(jobs)
         waiting: dict[str, Job] = {}
-        arriving = as_completed()
+        arriving = as_completed(loop=self._client.loop)
         try:
             self._submit(left, max(1, self.threads) * AHEAD, waiting, arriving)
             while waiting:
