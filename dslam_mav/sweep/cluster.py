@@ -11,6 +11,7 @@ from dslam_mav.sweep.job import Ended, Job, run_job
 
 MISSING = "--scheduler needs dask.distributed: pip install 'dslam-mav[dask]'"
 PATIENCE_S = 10.0
+DIED = "the Dask workers that tried it were killed or crashed, twice"
 AHEAD = 3  # jobs handed over for every thread of the cluster: none waits for the next
 
 
@@ -38,43 +39,71 @@ class DaskWorkers:
         return int(sum(self._client.nthreads().values()))
 
     def run(self, jobs: Sequence[Job]) -> Generator[Ended, None, None]:
-        """Every job. The scheduler itself tries a job again whose worker died, until it gives it up."""
+        """Every job. The scheduler tries those of a worker that died elsewhere, and in the end gives all of them up:
+        they are then tried once more, one by one, so that each is judged by itself.
+        """
+        suspects: list[Job] = []
+        try:
+            for job, future in self._ending(jobs):
+                if self._killed(future):
+                    self._warn(f"{_named(job)}: the Dask workers that tried it died; it is tried once more at the end")
+                    suspects.append(job)
+                else:
+                    yield self._ended(job, future)
+            for suspect in suspects:
+                for job, future in self._ending([suspect]):
+                    if self._killed(future):
+                        self._warn(
+                            f"{_named(job)}: the Dask workers that tried it died again; it is recorded as failed"
+                        )
+                        yield Ended(job, {}, DIED)
+                    else:
+                        yield self._ended(job, future)
+        except OSError:
+            raise self._gone() from None
+        finally:
+            self._client.close()
+
+    def _ending(self, jobs: Sequence[Job]) -> Iterator[tuple[Job, Any]]:
+        """Jobs with their futures, as they end; never more of them at the cluster than it takes."""
         from distributed import as_completed
 
         left = iter(jobs)
         waiting: dict[str, Job] = {}
         arriving = as_completed(loop=self._client.loop)
-        try:
-            self._submit(left, max(1, self.threads) * AHEAD, waiting, arriving)
-            while waiting:
-                future = next(arriving)
-                job = waiting.pop(future.key)
-                # as many as the cluster takes by now: workers come and go
-                self._submit(left, max(1, self.threads) * AHEAD - len(waiting), waiting, arriving)
-                yield self._ended(job, future)
-        finally:
-            self._client.close()
+        self._submit(left, waiting, arriving)
+        while waiting:
+            future = next(arriving)
+            job = waiting.pop(future.key)
+            self._submit(left, waiting, arriving)  # before anything else: nobody shall wait
+            yield job, future
 
-    def _submit(self, left: Iterator[Job], count: int, waiting: dict[str, Job], arriving: Any) -> None:
-        for _, job in zip(range(count), left, strict=False):
+    def _submit(self, left: Iterator[Job], waiting: dict[str, Job], arriving: Any) -> None:
+        wanted = max(1, self.threads) * AHEAD - len(waiting)  # workers come and go
+        for _, job in zip(range(wanted), left, strict=False):
             future = self._client.submit(run_job, job, pure=False)
             waiting[future.key] = job
             arriving.add(future)
 
-    def _ended(self, job: Job, future: Any) -> Ended:
+    def _killed(self, future: Any) -> bool:
         from distributed import KilledWorker
 
+        return future.status == "error" and isinstance(future.exception(), KilledWorker)
+
+    def _ended(self, job: Job, future: Any) -> Ended:
         if future.status == "finished":
             return Ended(job, *future.result())
-        problem = future.exception() if future.status == "error" else None
-        if isinstance(problem, KilledWorker):
-            name = ", ".join(str(value) for value in job.coordinates.values())
-            self._warn(f"{name}: every Dask worker that tried it died; it is recorded as failed")
-            return Ended(job, {}, "every Dask worker that tried it was killed or crashed")
-        if problem is None:
-            raise DslamError(f"--scheduler {self._url}: the scheduler went away; run again to go on")
-        why = str(problem).splitlines()[0] if str(problem) else ""
+        if future.status != "error":
+            raise self._gone()
+        problem = future.exception()
+        why = f"{type(problem).__name__}: {problem}".splitlines()[0]
         raise DslamError(
-            f"--scheduler {self._url}: its workers cannot run points, the same dslam_mav must be installed there: "
-            f"{type(problem).__name__}: {why}"
+            f"--scheduler {self._url}: its workers cannot run points, the same dslam_mav must be installed there: {why}"
         )
+
+    def _gone(self) -> DslamError:
+        return DslamError(f"--scheduler {self._url}: the scheduler went away; run again to go on")
+
+
+def _named(job: Job) -> str:
+    return ", ".join(str(value) for value in job.coordinates.values())

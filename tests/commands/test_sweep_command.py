@@ -65,12 +65,6 @@ def test_the_table_has_a_row_for_every_point(alone):
     assert len(errors) == POINTS, "every seed has noise of its own"
 
 
-def test_two_workers_give_the_same_table_bit_for_bit(alone, tmp_path):
-    done = run("sweep", written(tmp_path), "--workers", 2, "--out", tmp_path / "out", "--json")
-    assert (done.code, done.err) == (0, "")
-    assert rows_in(tmp_path / "out") == rows_in(alone)
-
-
 def test_a_dask_cluster_gives_the_same_table_bit_for_bit(alone, tmp_path):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
@@ -82,19 +76,28 @@ def test_a_dask_cluster_gives_the_same_table_bit_for_bit(alone, tmp_path):
     assert again.object["computed"] == 0
 
 
-def test_a_second_run_computes_nothing_and_more_points_only_themselves(alone, tmp_path):
+def test_a_second_run_computes_nothing(alone, tmp_path):
     out = shutil.copytree(alone, tmp_path / "out")
     again = run("sweep", written(tmp_path), "--out", out)
     assert (again.code, again.err) == (0, "")
     assert f"{POINTS} of {POINTS} points are there from before" in again.out
     assert "computed" not in again.out
-    more = run("sweep", written(tmp_path, SMALL.replace("[25, 35]", "[35, 30]")), "--out", out, "--json").object
-    assert (more["points"], more["computed"]) == (POINTS, POINTS // 2)
+    assert rows_in(out) == rows_in(alone)
+
+
+def test_more_points_are_computed_alone_and_a_terminal_sees_how_far_it_is(alone, tmp_path):
+    out = shutil.copytree(alone, tmp_path / "out")
+    more = written(tmp_path, SMALL.replace("[25, 35]", "[35, 30]"))
+    done = on_a_terminal("sweep", more, "--workers", 2, "--out", out, timeout_s=180.0)
+    assert done.code == 0
+    assert re.search(r"\d+ of 16, \d+ s left", done.out)
+    assert f"{POINTS // 2} points computed in" in done.out
     kept = [row for row in rows_in(out) if row["noise"] == "35 dB"]
     assert kept == [row for row in rows_in(alone) if row["noise"] == "35 dB"]
+    assert len(rows_in(out)) == POINTS
 
 
-def test_a_killed_sweep_goes_on_where_it_was(alone, tmp_path):
+def test_a_sweep_on_two_workers_that_is_killed_goes_on_to_the_same_table(alone, tmp_path):
     out = tmp_path / "out"
     process = spawn("sweep", written(tmp_path), "--workers", 2, "--out", out)
     until(lambda: lines(out) >= 4, process)
@@ -152,12 +155,6 @@ def test_a_pipe_gets_the_table_and_the_pictures_are_drawn(alone, tmp_path):
         for name in ("error.png", "verdicts.png"):
             assert f"written {out / name}" in done.out
             assert (out / name).read_bytes()[:4] == b"\x89PNG"
-
-
-def test_a_terminal_sees_how_far_it_is_and_how_long_it_takes(tmp_path):
-    done = on_a_terminal("sweep", written(tmp_path), "--workers", 2, "--out", tmp_path / "out", timeout_s=180.0)
-    assert done.code == 0
-    assert re.search(r"\d+ of 16, \d+ s left", done.out)
 
 
 def test_the_example_runs(tmp_path):
