@@ -7,9 +7,8 @@ import math
 import os
 import time
 from argparse import Namespace
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dslam_mav.commands.paper import NO_PICTURES
 from dslam_mav.commands.screen import Screen
@@ -22,13 +21,14 @@ if TYPE_CHECKING:
     from dslam_mav.sweep.job import Workers
 
 OUT = Path("logs") / "sweep"
+MOST_NAMED = 10  # failed points, on the screen
 
 
 def run(options: Namespace) -> int:
     """Compute what is not there yet, write the table, draw; 1 where points failed."""
     from dslam_mav.commands.sweep_file import read_sweep
     from dslam_mav.commands.sweep_points import points_of
-    from dslam_mav.commands.sweep_table import as_json, sentences, table
+    from dslam_mav.commands.sweep_table import as_json, log_table, sentences, table
     from dslam_mav.sweep import parquet
     from dslam_mav.sweep.points.summary import grouped
 
@@ -50,20 +50,20 @@ def run(options: Namespace) -> int:
     write_whole(results, parquet.parquet_bytes(points.columns, swept.rows, {"sweep.toml": text}), DslamError)
     by = [name for name in ("mission", "noise", "method") if name in swept.rows[0]]
     groups = grouped(swept.rows, by)
-    screen.table(table(groups))
-    for line in sentences(swept, took_s):
+    logs = sweep.logs is not None
+    screen.table(log_table(swept.rows) if logs else table(groups))
+    for line in sentences(swept, took_s, logs=logs):
         screen.say(line)
+    for row in swept.failed[:MOST_NAMED]:
+        screen.say(f"failed: {', '.join(str(row[name]) for name in points.jobs[0].coordinates)}: {row['failure']}")
     screen.say(f"written {results}")
     pictures = _pictures(swept, out, screen)
     screen.result(as_json(swept, groups, took_s, {"results": str(results), "pictures": pictures}))
-    for row in swept.failed[:1]:
-        more = f", the first of {len(swept.failed)}" if len(swept.failed) > 1 else ""
-        raise DslamError(f"failed{more}: {', '.join(str(row[c]) for c in _coordinates(points))}: {row['failure']}")
+    if swept.failed:
+        raise DslamError(
+            f"{len(swept.failed)} of {len(swept.rows)} points failed: why is in column failure of {results}"
+        )
     return 0
-
-
-def _coordinates(points: Points) -> Mapping[str, Any]:
-    return points.jobs[0].coordinates
 
 
 def _swept(points: Points, out: Path, options: Namespace, screen: Screen) -> Swept:

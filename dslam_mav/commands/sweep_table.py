@@ -13,6 +13,7 @@ from rich.table import Table
 from dslam_mav.records import Verdict
 from dslam_mav.report.numbers import UNKNOWN, significant
 from dslam_mav.sweep.engine import Swept
+from dslam_mav.sweep.points.columns import Row, Scalar
 from dslam_mav.sweep.points.summary import FAILED, Group
 
 
@@ -41,10 +42,34 @@ def table(groups: Sequence[Group]) -> Table:
     return made
 
 
-def sentences(swept: Swept, took_s: float) -> list[str]:
+def log_table(rows: Sequence[Row]) -> Table:
+    """A line for each log and method."""
+    made = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    made.padding = (0, 1, 0, 0)
+    for name in ("log", "method", "verdict"):
+        made.add_column(name, vertical="bottom", no_wrap=name != "log")
+    for head in ("sources", "sd\nm", "error\nm", "path\nerror m", "noise\nsd", "legs", "s"):
+        made.add_column(head, justify="right", vertical="bottom", no_wrap=True)
+    for row in rows:
+        told = [str(row[name] or UNKNOWN) for name in ("log", "method")]
+        numbers = [_number(row[name]) for name in ("sd_m", "source_error_rms_m", "path_error_m", "noise_sd")]
+        counts = [str(row[name] or UNKNOWN) for name in ("k_found", "legs")]
+        verdict = str(row["verdict"] or FAILED)
+        made.add_row(*told, verdict, counts[0], *numbers, counts[1], _number(row["seconds"]))
+    return made
+
+
+def _number(value: Scalar) -> str:
+    return significant(value, 2) if isinstance(value, float) else UNKNOWN
+
+
+def sentences(swept: Swept, took_s: float, *, logs: bool) -> list[str]:
     """What the table's columns are, and what was done."""
     lines = [
-        "error: of the sources, RMS, relative to leg 1, median and 90 %; bound: Cramér–Rao, on that RMS, median; "
+        "sd: what the answer says of its sources, error: from the truth where the log has it, both RMS over the "
+        "sources and relative to leg 1"
+        if logs
+        else "error: of the sources, RMS, relative to leg 1, median and 90 %; bound: Cramér–Rao, on that RMS, median; "
         "error/bound: RMS where the truth is found, 1 is efficient; found: the answer is the truth; listed: the answer "
         "or one of its alternatives is"
     ]

@@ -79,12 +79,13 @@ class _Processes:
 
     def submit(self, process: int, job: Job) -> Answer:
         """Hand it over, to a fresh process where that one is dead."""
-        try:
-            return self._pools[process].submit(run_job, job)
-        except BrokenExecutor:
-            self._pools[process].shutdown(wait=True)
-            self._pools[process] = _pool()
-            return self._pools[process].submit(run_job, job)
+        with _ctrl_c_waits():
+            try:
+                return self._pools[process].submit(run_job, job)
+            except BrokenExecutor:
+                self._pools[process].shutdown(wait=True)
+                self._pools[process] = _pool()
+                return self._pools[process].submit(run_job, job)
 
     def __enter__(self) -> Self:
         return self
@@ -103,6 +104,19 @@ def _start(processes: _Processes, process: int, left: deque[tuple[Job, int]], ru
     if left:
         job, attempt = left.popleft()
         running[processes.submit(process, job)] = _Turn(process, job, attempt)
+
+
+@contextmanager
+def _ctrl_c_waits() -> Iterator[None]:
+    """A process started meanwhile never hears Ctrl-C, not even while it is still loading; this one does, afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _prepare() -> None:

@@ -212,8 +212,12 @@ def test_a_folder_of_logs_gives_a_row_a_log(flown: Any, tmp_path):
     text = '[logs]\nfolder = "logs"\n[assume]\nsources = 2\n'
     done = run("sweep", written(tmp_path, text), "--out", tmp_path / "out")
     assert done.code == 1
-    assert done.line().startswith("dslam-mav: failed: b.mcap, joint: ")
+    results = tmp_path / "out" / "results.parquet"
+    assert done.line() == f"dslam-mav: 1 of 2 points failed: why is in column failure of {results}"
+    assert re.search(r"^failed: b\.mcap, joint: .+$", done.out, re.MULTILINE)
     assert "small.toml: 2 logs × 1 method = 2 points" in done.out
+    assert re.search(r"^b\.mcap +joint +failed +– ", done.out, re.MULTILINE)
+    assert re.search(rf"^day1/a\.mcap +joint +{flown.result['verdict']} +2 ", done.out, re.MULTILINE)
     broken, whole = rows_in(tmp_path / "out")
     assert (broken["log"], broken["verdict"]) == ("b.mcap", None)
     assert (whole["log"], whole["verdict"]) == ("day1/a.mcap", flown.result["verdict"])
