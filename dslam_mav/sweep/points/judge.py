@@ -2,15 +2,37 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from dslam_mav.dslam.scoring import Score, has_positions, score
+from dslam_mav.dslam.scoring import has_positions, line_rms_m, match, truth_in_gauge
 from dslam_mav.records import Estimate, Flight, Truth
 from dslam_mav.records.arrays import Array
 from dslam_mav.sweep.points.columns import Row
 
 FOUND_SD = 5.0
 FOUND_SPREADS = 0.05  # nearer than this is found, however sure the answer is of itself
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Beside:
+    """One answer and the truth in its gauge: `error_m` (M,) of the sources that have a true one, `squares` (M,) the
+    same in the answer's own covariances (NaN where the method gives none), and whether there are as many as there are.
+    """
+
+    error_m: Array
+    squares: Array
+    path_error_m: float
+    same_number: bool
+
+    @property
+    def rms_m(self) -> float:
+        return float(np.sqrt(np.mean(self.error_m**2)))
+
+    def is_truth(self, spread_m: float) -> bool:
+        near = (self.error_m < FOUND_SPREADS * spread_m) | (self.squares < FOUND_SD**2)
+        return self.same_number and bool(near.all())
 
 
 def judged(answer: Estimate, flight: Flight, truth: Truth | None, spread_m: float) -> Row:
@@ -32,39 +54,38 @@ def judged(answer: Estimate, flight: Flight, truth: Truth | None, spread_m: floa
 
 
 def _errors(answer: Estimate, truth: Truth, spread_m: float) -> Row:
-    modes = [answer, *answer.alternatives]
-    scores = [score(mode, truth) for mode in modes]
-    hits = [_is_truth(mode, one, spread_m) for mode, one in zip(modes, scores, strict=True)]
-    row: Row = {"found": hits[0], "listed": any(hits)}
-    nearest = [one.source_error_rms_m for one in scores if one is not None and one.same_number]
-    row["nearest_error_m"] = min(nearest, default=None)
-    first = scores[0]
+    first, *others = [_beside(mode, truth) for mode in (answer, *answer.alternatives)]
+    placed = [one for one in (first, *others) if one is not None]
+    row: Row = {
+        "found": first is not None and first.is_truth(spread_m),
+        "listed": any(one.is_truth(spread_m) for one in placed),
+        "nearest_error_m": min((one.rms_m for one in placed if one.same_number), default=None),
+    }
     if first is not None:
-        matched = first.source_error_m[np.isfinite(first.source_error_m)]
         row |= {
-            "source_error_median_m": float(np.median(matched)),
-            "source_error_max_m": float(matched.max()),
-            "source_error_rms_m": first.source_error_rms_m,
-            "path_error_m": first.path_error_rms_m,
-            "nees": float(_squares(answer, first).mean()) / answer.sources.position_m.shape[1],
+            "source_error_median_m": float(np.median(first.error_m)),
+            "source_error_max_m": float(first.error_m.max()),
+            "source_error_rms_m": first.rms_m,
+            "path_error_m": first.path_error_m,
+            "nees": float(first.squares.mean()) / answer.sources.position_m.shape[1],
         }
     return row
 
 
-def _is_truth(mode: Estimate, judged_by: Score | None, spread_m: float) -> bool:
-    if judged_by is None or not judged_by.same_number:
-        return False
-    near = judged_by.source_error_m < FOUND_SPREADS * spread_m
-    return bool((near | (_squares(mode, judged_by) < FOUND_SD**2)).all())
-
-
-def _squares(mode: Estimate, judged_by: Score) -> Array:
-    """(M,) squared errors of the matched sources in their own covariances; NaN where the method gives none."""
-    place, truth, own = mode.sources.position_m, judged_by.truth.source_position_m, mode.position_covariance_m2
-    pairs = [(k, real) for k, real in enumerate(judged_by.matching) if real is not None]
-    if not np.isfinite(own).all():
-        return np.full(len(pairs), np.nan)
-    return np.array([(off := place[k] - truth[real]) @ np.linalg.pinv(own[k]) @ off for k, real in pairs])
+def _beside(mode: Estimate, truth: Truth) -> _Beside | None:
+    """None where it has no positions."""
+    aligned = truth_in_gauge(mode, truth)
+    if aligned is None or not has_positions(mode):
+        return None
+    found, real = match(mode.sources.position_m, aligned.source_position_m)
+    off = mode.sources.position_m[found] - aligned.source_position_m[real]
+    own = mode.position_covariance_m2[found]
+    squares = np.full(len(found), np.nan)
+    if np.isfinite(own).all():
+        squares = np.array([o @ np.linalg.pinv(c) @ o for o, c in zip(off, own, strict=True)])
+    m = min(len(mode.path.vertices_m), len(aligned.vertices_m))
+    path = line_rms_m(mode.path.vertices_m[:m] - aligned.vertices_m[:m], aligned.vertices_m[:m])
+    return _Beside(np.linalg.norm(off, axis=1), squares, path, len(mode.sources) == len(truth.amplitude))
 
 
 def _sd_m(answer: Estimate) -> float:
