@@ -28,15 +28,15 @@ def run(options: Namespace) -> int:
     """Compute what is not there yet, write the table, draw; 1 where points failed."""
     from dslam_mav.commands.sweep_file import read_sweep
     from dslam_mav.commands.sweep_points import points_of
-    from dslam_mav.commands.sweep_table import as_json, log_table, sentences, table
+    from dslam_mav.commands.sweep_table import as_json
     from dslam_mav.sweep import parquet
-    from dslam_mav.sweep.points.summary import grouped
 
     screen = Screen(json_only=options.json)
     file = Path(options.file)
     if options.scheduler and options.workers:
         raise BadInputError("--workers with --scheduler: expected one of them: a cluster has workers of its own")
     sweep = read_sweep(file)
+    text = file.read_bytes().decode()  # as it is, whatever becomes of the file meanwhile
     points = points_of(sweep, file)
     if not parquet.available():
         raise DslamError(parquet.MISSING)
@@ -46,24 +46,27 @@ def run(options: Namespace) -> int:
     swept = _swept(points, out, options, screen)
     took_s = time.monotonic() - begun_s
     results = out / "results.parquet"
-    text = file.read_text(encoding="utf-8")
     write_whole(results, parquet.parquet_bytes(points.columns, swept.rows, {"sweep.toml": text}), DslamError)
-    by = [name for name in ("mission", "noise", "method") if name in swept.rows[0]]
-    groups = grouped(swept.rows, by)
-    logs = sweep.logs is not None
-    screen.table(log_table(swept.rows) if logs else table(groups))
-    for line in sentences(swept, took_s, logs=logs):
-        screen.say(line)
-    for row in swept.failed[:MOST_NAMED]:
-        screen.say(f"failed: {', '.join(str(row[name]) for name in points.jobs[0].coordinates)}: {row['failure']}")
+    _show(points, swept, took_s, screen)
     screen.say(f"written {results}")
     pictures = _pictures(swept, out, screen)
-    screen.result(as_json(swept, groups, took_s, {"results": str(results), "pictures": pictures}))
+    screen.result(as_json(swept, points.groups(swept.rows), took_s, {"results": str(results), "pictures": pictures}))
     if swept.failed:
         raise DslamError(
             f"{len(swept.failed)} of {len(swept.rows)} points failed: why is in column failure of {results}"
         )
     return 0
+
+
+def _show(points: Points, swept: Swept, took_s: float, screen: Screen) -> None:
+    """The table, what its columns are, and what failed."""
+    from dslam_mav.commands.sweep_table import log_table, sentences, table
+
+    screen.table(log_table(swept.rows) if points.of_logs else table(points.groups(swept.rows)))
+    for line in sentences(swept, took_s, logs=points.of_logs):
+        screen.say(line)
+    for row in swept.failed[:MOST_NAMED]:
+        screen.say(f"failed: {', '.join(str(row[name]) for name in points.jobs[0].coordinates)}: {row['failure']}")
 
 
 def _swept(points: Points, out: Path, options: Namespace, screen: Screen) -> Swept:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 T = TypeVar("T")
+SEED = "a whole number from 0 to 2^63 - 1"
 
 
 def listed(value: T | list[T] | None) -> list[T]:
@@ -19,6 +20,11 @@ def listed(value: T | list[T] | None) -> list[T]:
 def not_negative(value: float) -> bool:
     """Whether it is a number, 0 or more."""
     return 0.0 <= value < math.inf
+
+
+def is_seed(value: int) -> bool:
+    """Whether it fits a column of the table."""
+    return 0 <= value < 2**63
 
 
 def positive(name: str, value: float | None) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from dslam_mav.commands.sweep_checks import each, not_negative
+from dslam_mav.commands.sweep_checks import SEED, each, is_seed
 from dslam_mav.commands.sweep_parts import Estimate, Logs, Mission, Noise, Part, Sampling, Scenes
 from dslam_mav.errors import BadInputError
 from sim_bridge.fields.complaint import complaint
@@ -37,7 +37,7 @@ class Sweep(Part, frozen=True):
             for name in ("missions", "noise"):
                 if not getattr(self, name):
                     raise ValueError(f"{name}: missing, random scenes have none of their own")
-        each("seeds", self.seeds, not_negative, "0 or more")
+        each("seeds", self.seeds, is_seed, SEED)
 
 
 def read_sweep(path: Path) -> Sweep:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from dslam_mav.sweep.points.flown import Flown, Told, answered, row_of
 from dslam_mav.sweep.points.judge import judged
 from dslam_mav.sweep.points.seeds import generator
 from sim_bridge.fields.scene import Scene, simulate
+
+CLOSED_M = 0.05  # a path that ends so near where it began is said to close
 
 
 @cache
@@ -81,7 +83,7 @@ def _flown(place: Place, rng: np.random.Generator) -> Flown:
 
 def told_of(scene: Scene, vertices_m: Array, asked: Estimate, method: Literal["joint", "paper"]) -> Told:
     """What the estimator is told of a scene that begins at time 0."""
-    n_sources: Any = {TRUE: len(scene.sources)}.get(str(asked.n_sources), asked.n_sources)
+    n_sources = len(scene.sources) if asked.n_sources == TRUE else asked.n_sources
     return Told(
         medium_told(scene, known_of(scene, asked)),
         n_sources if isinstance(n_sources, int) else None,
@@ -90,9 +92,6 @@ def told_of(scene: Scene, vertices_m: Array, asked: Estimate, method: Literal["j
         closed=asked.closed and bool(np.allclose(vertices_m[0], vertices_m[-1], rtol=0.0, atol=CLOSED_M)),
         heading_sd_rad=None if asked.heading_sd_deg is None else float(np.deg2rad(asked.heading_sd_deg)),
     )
-
-
-CLOSED_M = 0.05
 
 
 def known_of(scene: Scene, asked: Estimate) -> frozenset[str]:

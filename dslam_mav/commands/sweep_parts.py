@@ -7,7 +7,7 @@ import math
 import msgspec
 
 from dslam_mav.commands.options import MAX_SOURCES
-from dslam_mav.commands.sweep_checks import each, finite, listed, not_negative, positive
+from dslam_mav.commands.sweep_checks import SEED, each, finite, is_seed, listed, not_negative, positive
 
 METHODS = ("joint", "paper")
 KNOWABLE = ("spread", "diffusivity", "activation", "ambient")
@@ -58,7 +58,7 @@ class Scenes(Part, frozen=True):
         if not 1.0 <= self.amplitude_ratio < math.inf:
             raise ValueError(f"amplitude_ratio: expected 1 or more, got {self.amplitude_ratio:g}")
         finite("ambient", self.ambient)
-        each("seed", [self.seed], not_negative, "0 or more")
+        each("seed", [self.seed], is_seed, SEED)
 
     @property
     def k_sources(self) -> list[int]:

@@ -20,8 +20,9 @@ from dslam_mav.errors import BadInputError
 from dslam_mav.mission import leg_vertices
 from dslam_mav.records.arrays import Array
 from dslam_mav.sweep.job import Job
-from dslam_mav.sweep.points.columns import OF_LOGS, OF_SCENES, RESULTS, SECONDS, Column
+from dslam_mav.sweep.points.columns import OF_LOGS, OF_SCENES, RESULTS, SECONDS, Column, Row
 from dslam_mav.sweep.points.seeds import key_of
+from dslam_mav.sweep.points.summary import LEVELS, Group, grouped
 from missions.patterns import pattern
 from missions.plan_file import read_plan
 from sim_bridge.fields.scene import Noise, Scene, encode_scene
@@ -36,6 +37,11 @@ class Points:
     jobs: list[Job]
     columns: tuple[Column, ...]
     words: str
+    of_logs: bool = False
+
+    def groups(self, rows: Sequence[Row]) -> list[Group]:
+        """The rows by mission, noise and method; of logs by method."""
+        return grouped(rows, ("method",) if self.of_logs else LEVELS)
 
 
 def points_of(sweep: Sweep, file: Path) -> Points:
@@ -157,7 +163,12 @@ def _logs(sweep: Sweep, file: Path) -> Points:
             options = assumed(sweep.assume or {}, method, file)
             key = key_of([name, content, vars(options), versions()])
             jobs.append(LogJob(key, {"log": name, "method": method}, path, options))
-    return Points(jobs, (*OF_LOGS, *RESULTS, SECONDS), _words({"log": len(found), "method": len(sweep.logs.methods)}))
+    return Points(
+        jobs,
+        (*OF_LOGS, *RESULTS, SECONDS),
+        _words({"log": len(found), "method": len(sweep.logs.methods)}),
+        of_logs=True,
+    )
 
 
 def _content(path: Path) -> str:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dslam_mav.errors import DslamError
@@ -29,6 +29,7 @@ def test_rows_come_back_to_the_last_bit(tmp_path):
         assert journal.rows == ROWS
 
 
+@settings(deadline=None, max_examples=60)
 @given(cut=st.integers(0, 500), junk=st.binary(max_size=20))
 def test_cut_anywhere_whole_lines_stay(tmp_path_factory, cut, junk):
     path = tmp_path_factory.mktemp("cut") / "points.jsonl"
