@@ -18,28 +18,37 @@ from dslam_mav.sweep.points.summary import FAILED, Group
 
 
 def table(groups: Sequence[Group]) -> Table:
-    """A line for each mission, noise level and method."""
+    """A line for each mission, noise level and method; columns of what there is but one or none of are left out."""
     made = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     made.padding = (0, 0, 0, 0)
-    for name in groups[0].labels:
-        made.add_column(name, vertical="bottom", no_wrap=name != "mission")
+    names = [n for n in groups[0].labels if n != "method" or len({group.labels[n] for group in groups}) > 1]
+    for name in names:
+        made.add_column(name, vertical="bottom", no_wrap=name != "mission", min_width=5 if name != "mission" else 10)
+    failed = any(FAILED in group.verdicts for group in groups)
     heads = ("points", "error\nm", "90 %\nm", "bound\nm", "error/\nbound", "found", "or\nlisted", "IDENT-\nIFIED",
-             "AMBIG-\nUOUS", "other", FAILED)  # fmt: skip
+             "AMBIG-\nUOUS", "other", *([FAILED] if failed else []))  # fmt: skip
     for head in heads:
         made.add_column(head, justify="right", vertical="bottom", no_wrap=True)
     for group in groups:
         counts = [group.verdicts.get(name, 0) for name in (Verdict.IDENTIFIED.name, Verdict.AMBIGUOUS.name, FAILED)]
-        lengths = (group.error_m, group.error_p90_m, group.bound_m, group.over_bound)
         made.add_row(
-            *group.labels.values(),
+            *(group.labels[name] for name in names),
             str(group.points),
-            *(significant(value, 2) for value in lengths),
+            *(_short(value) for value in (group.error_m, group.error_p90_m, group.bound_m, group.over_bound)),
             _percent(group.found_share),
             _percent(group.listed_share),
             *(_percent(count / group.points) for count in (*counts[:2], group.points - sum(counts))),
-            str(counts[2]),
+            *([str(counts[2])] if failed else []),
         )
     return made
+
+
+def _short(value: float) -> str:
+    """Two digits, in as little room as can be."""
+    if math.isfinite(value) and value != 0.0 and not 1e-3 <= abs(value) < 1e4:
+        mantissa, exponent = f"{value:.1e}".split("e")
+        return f"{mantissa}e{int(exponent)}"
+    return significant(value, 2)
 
 
 def log_table(rows: Sequence[Row]) -> Table:
@@ -60,7 +69,7 @@ def log_table(rows: Sequence[Row]) -> Table:
 
 
 def _number(value: Scalar) -> str:
-    return significant(value, 2) if isinstance(value, float) else UNKNOWN
+    return _short(value) if isinstance(value, float) else UNKNOWN
 
 
 def sentences(swept: Swept, took_s: float, *, logs: bool) -> list[str]:

@@ -49,6 +49,8 @@ def errors(rows: Sequence[Row]) -> Figure:
         axes.flat[i].set_title(mission, fontsize=9)
     for spare in axes.flat[len(missions) :]:
         spare.set_visible(False)
+    for lowest in axes.flat[max(0, len(missions) - across) : len(missions)]:
+        lowest.tick_params(labelbottom=True)
     figure.supxlabel("signal-to-noise ratio (dB)" if in_db else "noise sd of a reading", fontsize=9)
     figure.supylabel("error of the sources, RMS (m)", fontsize=9)
     axes.flat[0].legend(fontsize=7)
@@ -99,8 +101,8 @@ def verdicts(rows: Sequence[Row]) -> Figure:
         left += share
     labels = [", ".join(group.labels.values()) for group in groups]
     axes.set_yticks(at, labels, fontsize=7)
-    axes.invert_yaxis()
-    axes.set(xlabel=f"share of verdicts (%), {len(rows)} points", xlim=(0.0, 100.0))
+    ends = (len(groups) - 0.4, -0.6)  # the first on top
+    axes.set(xlabel=f"share of verdicts (%), {len(rows)} points", xlim=(0.0, 100.0), ylim=ends)
     figure.legend(loc="outside upper center", ncols=4, fontsize=7)
     tidy(axes)
     return figure
