@@ -127,7 +127,7 @@ def _levels(sweep: Sweep) -> list[tuple[str, Noise | None]]:
     if sweep.noise is None:
         return [("scene's own", None)]
     return [
-        (f"{value:g} dB" if kind == "snr_db" else f"sd {value:g}", Noise(**{kind: value}))
+        (f"{value:.12g} dB" if kind == "snr_db" else f"sd {value:.12g}", Noise(**{kind: value}))
         for kind, value in sweep.noise.levels
     ]
 
