@@ -20,6 +20,7 @@ from dslam_mav.commands import options as shared
 from dslam_mav.commands.options import COUNT, POSITIVE, SEED
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
+from dslam_mav.commands.sweep_options import add_sweep
 from dslam_mav.errors import BadInputError, DslamError
 
 BAD_INPUT = 2
@@ -105,6 +106,7 @@ def _parser() -> argparse.ArgumentParser:
     for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _recover, _layout):
         add(commands)
     add_paper(commands, argparse.RawDescriptionHelpFormatter)
+    add_sweep(commands, argparse.RawDescriptionHelpFormatter)
     return parser
 
 

@@ -96,9 +96,13 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Standard deviation of the noise on a flight along `vertices_m` (L+1, d)."""
         if self.noise.snr_db is None:
             return self.noise.sd or 0.0
+        return math.sqrt(self.mean_square(vertices_m) / 10.0 ** (self.noise.snr_db / 10.0))
+
+    def mean_square(self, vertices_m: ArrayLike) -> float:
+        """Of the readings on a flight along `vertices_m` (L+1, d), without noise and ambient."""
         time_s, place_m = _readings_of(self, _checked_vertices(self, vertices_m))[2:]
         signal = SceneField(self).read(time_s - self.sampling.start_s, place_m) - self.medium.ambient
-        return math.sqrt(float(np.mean(signal**2)) / 10.0 ** (self.noise.snr_db / 10.0))
+        return float(np.mean(signal**2))
 
     def estimator_medium(self) -> records.Medium:
         """The scene's `medium` as an estimator may be told it: activation times are not part of it."""
