@@ -19,7 +19,8 @@ TOPS = ("dslam_mav", "missions", "sim_bridge")
 BASE = "errors mission observations records"
 SEEN = "errors observations records"  # legs are made of these alone: GPS-denied, so no mission with its places
 LEGS = f"{BASE} legs legs.plan"
-ALL = f"{LEGS} assumed assumptions dslam experiments files log mav missions replay report sim_bridge sim_bridge.fields"
+SIMULATED = "missions sim_bridge sim_bridge.fields"
+ALL = f"{LEGS} {SIMULATED} assumed assumptions dslam experiments files forecast log mav replay report"
 
 # room: (rooms of ours it may import besides itself, packages of others it may import); a room may have one within
 HOUSE = {
@@ -39,6 +40,7 @@ HOUSE = {
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
     "experiments.pictures": ("records experiments", "numpy matplotlib"),
     "assumed": (f"{LEGS} assumptions dslam", "numpy"),
+    "forecast": ("records assumptions dslam", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
     "flight_log": (f"{LEGS} log mav replay", ""),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),

@@ -102,4 +102,16 @@ def outcome_of(logged: Logged) -> Outcome:
         "distance along a leg": ", ".join(sorted(modes)),
     }
     truth = truth_of(logged.truth, logged.mission, replayed.legs)
-    return Outcome(replayed.flight, None, truth, logged.path, facts, tuple(warnings))
+    then = None if logged.assumed_anew else logged.log
+    return Outcome(
+        replayed.flight,
+        None,
+        truth,
+        logged.path,
+        facts,
+        tuple(warnings),
+        assumptions=logged.assumptions,
+        mission=logged.mission,
+        prediction=None if then is None else then.prediction,
+        under_way=() if then is None else tuple((e.legs_flown, e.estimate) for e in then.estimates if not e.final),
+    )

@@ -26,6 +26,7 @@ from dslam_mav.log.topics import (
     CHANNEL_IDS,
     ESTIMATE,
     MISSION,
+    PREDICTION,
     PRODUCER,
     RAW,
     TEXT,
@@ -34,7 +35,7 @@ from dslam_mav.log.topics import (
     TRUTH,
 )
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Truth
+from dslam_mav.records import Estimate, Prediction, Truth
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
@@ -57,7 +58,8 @@ class FlightLog:
     """All that a log holds of a flight, each in the order written; times are nanoseconds since 1970.
 
     `frames` (time, MAVLink packet), `readings` (time, reading), `progress` (time, progress), `texts` (time,
-    Python's logging level, text), `attachments` by name. `topics` counts the messages of every topic, also of
+    Python's logging level, text), `attachments` by name. `prediction`: what the mission was expected to see, None
+    where nobody said. `topics` counts the messages of every topic, also of
     foreign ones. `complete`: the log was closed, and nothing in it is missing or damaged.
     """
 
@@ -67,6 +69,7 @@ class FlightLog:
     estimates: tuple[LoggedEstimate, ...]
     texts: tuple[tuple[int, int, str], ...]
     truth: Truth | None
+    prediction: Prediction | None
     attachments: dict[str, bytes]
     topics: dict[str, int]
     duration_s: float
@@ -89,6 +92,7 @@ def read_log(path: Path) -> FlightLog:
     estimates: list[LoggedEstimate] = []
     texts: list[tuple[int, int, str]] = []
     truth: list[Truth] = []
+    predictions: list[Prediction] = []
     raw_frame, thermal, mission = (
         pb.RawFrame.FromString,
         pb.ThermalReading.FromString,
@@ -108,6 +112,7 @@ def read_log(path: Path) -> FlightLog:
             ESTIMATE: use_estimate,
             TEXT: lambda time_ns, data: texts.append((time_ns, *codec.decode_text(Log.FromString(data)))),
             TRUTH: lambda _, data: truth.append(codec.decode_truth(pb.Truth.FromString(data))),
+            PREDICTION: lambda _, data: predictions.append(codec.decode_prediction(pb.Prediction.FromString(data))),
         }
     )
     info = contents.read(path)
@@ -118,6 +123,7 @@ def read_log(path: Path) -> FlightLog:
         estimates=tuple(estimates),
         texts=tuple(texts),
         truth=truth[-1] if truth else None,
+        prediction=predictions[0] if predictions else None,
         attachments=contents.attachments,
         **info,
     )

@@ -24,10 +24,22 @@ async function look(page, width) {
   document.body.append(frame);
   await ready;
   const doc = frame.contentDocument, root = doc.documentElement;
-  const tabs = [...doc.querySelectorAll('[role="tab"]')];
-  const right = new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true });
-  if (tabs.length) { tabs[0].dispatchEvent(right); }
-  found.push({ width, room: root.clientWidth, needs: root.scrollWidth,
+  const radios = [...doc.querySelectorAll('input[name="solution"]')];
+  if (radios.length) { radios[1].click(); }
+  const lit = () => [...doc.querySelectorAll(".solution:not([hidden]) .lit, .leg.lit, .growth .lit")]
+    .map(part => [...part.classList].filter(name => name !== "lit")[0] || part.tagName.toLowerCase());
+  const at = (selector, event) => { const part = doc.querySelector(selector);
+    if (part) { part.dispatchEvent(event); } return lit(); };
+  const over = new PointerEvent("pointerover", { bubbles: true });
+  const picks = doc.querySelectorAll(".solution:not([hidden]) .pick");
+  const light = { pointed: at('.solution:not([hidden]) .leg-line[data-leg="2"]', over),
+    said: doc.getElementById("readout") && doc.getElementById("readout").textContent,
+    source: at('.solution:not([hidden]) .source-mark[data-source="1"]', over), away: at("h1", over) };
+  if (picks.length) { picks[0].focus(); picks[0].click(); }
+  light.chosen = at("h1", over);
+  light.pressed = [...picks].filter(p => p.getAttribute("aria-pressed") === "true").map(p => p.textContent);
+  light.left = at("body", new KeyboardEvent("keydown", { key: "Escape", bubbles: true }));
+  found.push({ width, light, room: root.clientWidth, needs: root.scrollWidth,
     inside: frame.contentWindow.innerWidth,
     maps: [...doc.querySelectorAll(".map image")].filter(i => i.getBoundingClientRect().width > 0).length,
     shown: [...doc.querySelectorAll(".solution")].map(s => !s.hidden),
@@ -74,6 +86,16 @@ def test_opens_in_a_browser_without_sideways_scrolling(case, tmp_path):
         assert view["inside"] == view["width"]
         assert view["needs"] <= view["room"], view
         assert view["tiny"] == 0, "every label is readable"
-    assert found[0]["shown"] == [False, True], "the arrow key chooses the next solution"
+    assert found[0]["shown"] == [False, True], "the radio button chooses the solution"
+    light = found[0]["light"]
+    assert set(light["pointed"]) >= {"leg-line", "leg-mark", "tr", "leg"}, "in the map, the tables and the readings"
+    assert light["said"].startswith("Leg 2: 32.02 m, heading 153.75 ± 0.69°")
+    assert set(light["source"]) >= {"source-mark", "source-label", "ellipse", "main"}
+    assert light["away"] == []
+    assert (set(light["chosen"]), light["pressed"]) == (
+        {"ellipse", "source-mark", "source-label", "main", "more", "pick"},
+        ["S1"],
+    )
+    assert light["left"] == [], "Escape lets go"
     assert found[0]["maps"] == 1
     assert found[2]["maps"] == 0
