@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.align import to_canonical
-from dslam_mav.dslam.bound import blocks, source_columns
+from dslam_mav.dslam.bound import source_columns
 from dslam_mav.dslam.expected import vertex_columns
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.kernels.expected import Unknown
@@ -20,7 +20,7 @@ from dslam_mav.dslam.path import path_columns
 from dslam_mav.dslam.priors import CLOSED_SHARE
 from dslam_mav.dslam.problem import Known, Problem, problem
 from dslam_mav.dslam.scoring import has_positions
-from dslam_mav.dslam.state import Layout, State, layout
+from dslam_mav.dslam.state import State, layout
 from dslam_mav.records import Estimate, Flight, Medium
 
 Array = NDArray[np.float64]
@@ -53,14 +53,16 @@ def growth(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: f
         return None
     ends = np.cumsum([leg.reading.size for leg in flight.legs])
     known = jacobian[ends[-1] :]
-    total = known.T @ known
+    total = np.zeros((at.size, at.size))
     by_source, by_vertex = source_columns(at, len(state.s)), path_columns(prob, state, at)
     source_sd, path_sd = [], []
     for n, (first, last) in enumerate(zip(np.append(0, ends), ends, strict=False), start=1):
         total = total + jacobian[first:last].T @ jacobian[first:last]
-        covariance = _inverse(total, at, n)
-        source_sd.append(_sd(blocks(by_source, covariance)))
-        path_sd.append(np.sqrt(np.mean(_sd(blocks(by_vertex[: n + 1], covariance)) ** 2)))
+        later = slice(at.heading.start + n - 1, at.heading.stop)
+        sooner = known[~known[:, later].any(axis=1)]  # a path closes with its last leg
+        covariance = _inverse(total + sooner.T @ sooner, later)
+        source_sd.append(_sd(by_source, covariance))
+        path_sd.append(np.sqrt(np.mean(_sd(by_vertex[: n + 1], covariance) ** 2)))
     return Growth(_told(np.array(source_sd), state.spread), _told(np.array(path_sd), state.spread))
 
 
@@ -75,7 +77,7 @@ def path_sd_m(estimate: Estimate) -> float:
     own = [names.index(name) for name in wanted]
     columns = vertex_columns(vertices, Unknown(longer, False, False))
     covariance = estimate.parameter_covariance[np.ix_(own, own)]
-    return float(np.sqrt(np.mean(_sd(blocks(columns, covariance)) ** 2)))
+    return float(np.sqrt(np.mean(_sd(columns, covariance) ** 2)))
 
 
 def _problem(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: float | None) -> Problem:
@@ -130,11 +132,10 @@ def _state(prob: Problem, estimate: Estimate) -> State:
     )
 
 
-def _inverse(total: Array, at: Layout, legs: int) -> Array:
-    """(P, P) covariance; headings of legs not flown yet say nothing and are left out."""
+def _inverse(total: Array, later: slice) -> Array:
+    """(P, P) covariance; headings of legs not flown yet are left out, and what no reading depends on."""
     size = np.sqrt(np.diag(total))
-    later = np.arange(at.heading.start + legs - 1, at.heading.stop)
-    told = np.setdiff1d(np.flatnonzero(size > 0.0), later)
+    told = np.setdiff1d(np.flatnonzero(size > 0.0), np.arange(later.start, later.stop))
     unit = size[told]
     values, vectors = np.linalg.eigh(total[np.ix_(told, told)] / np.outer(unit, unit))
     blind = values <= UNSEEN * max(float(values[-1]), 1e-300)
@@ -144,9 +145,10 @@ def _inverse(total: Array, at: Layout, legs: int) -> Array:
     return covariance
 
 
-def _sd(covariance: Array) -> Array:
-    """(M,) √(trace/d) of (M, d, d)."""
-    return np.asarray(np.sqrt(np.trace(covariance, axis1=1, axis2=2) / covariance.shape[1]))
+def _sd(columns: Array, covariance: Array) -> Array:
+    """(M,) √(trace/d) of M points, from what every unknown does to them (M, d, P)."""
+    variance = ((columns @ covariance) * columns).sum(axis=(1, 2)) / columns.shape[1]
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _told(sd: Array, spread_m: float) -> Array:

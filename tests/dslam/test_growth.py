@@ -85,6 +85,20 @@ def test_an_anchored_answer_grows_as_a_canonical_one():
     assert path_sd_m(moved) == pytest.approx(path_sd_m(found), rel=1e-9)
 
 
+@pytest.mark.parametrize(("closed", "heading_sd_rad"), [(True, None), (False, 0.05), (True, 0.05)])
+def test_what_is_known_besides_makes_no_leg_worse(closed, heading_sd_rad):
+    flight, medium, found = flown(k=3)
+    grown = growth(replace(flight, closed=closed), found, medium, heading_sd_rad)
+    free = growth(flight, found, medium)
+    assert grown is not None
+    assert free is not None
+    finite = np.isfinite(grown.source_sd_m).all(axis=1)
+    assert (np.diff(grown.source_sd_m[finite], axis=0) <= 1e-9).all()
+    assert (grown.source_sd_m[-1] < free.source_sd_m[-1]).all()
+    if heading_sd_rad is None:
+        assert grown.source_sd_m[3] == pytest.approx(free.source_sd_m[3]), "a path closes with its last leg"
+
+
 def test_nothing_grows_without_positions():
     flight, medium, found = flown(k=1)
     assert not np.isfinite(found.sources.position_m).all()
