@@ -38,7 +38,7 @@ HOUSE = {
     "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove_schemas_protobuf zstandard numpy"),
     "report": (f"{BASE} dslam", "jinja2 rich numpy"),
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
-    "experiments.pictures": ("records experiments", "numpy matplotlib"),
+    "experiments.pictures": ("records experiments", "numpy matplotlib PIL"),
     "assumed": (f"{LEGS} assumptions dslam", "numpy"),
     "forecast": ("records assumptions dslam", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
@@ -48,7 +48,7 @@ HOUSE = {
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
     "sim_bridge.fields": (f"{BASE} dslam log mav", "numpy scipy msgspec"),
     "sim_bridge.loopback": (f"{BASE} mav", "numpy"),
-    "commands": (ALL, "rich numpy"),
+    "commands": (f"{ALL} experiments.pictures", "rich numpy"),
     "cli": ("errors commands", ""),
     "__main__": ("cli", ""),
 }
