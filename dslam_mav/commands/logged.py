@@ -16,7 +16,7 @@ from dslam_mav.legs import plan_facts
 from dslam_mav.log.reader import FlightLog, read_log
 from dslam_mav.mission import Mission
 from dslam_mav.records import Truth
-from dslam_mav.replay import Replayed, flight_from_log
+from dslam_mav.replay import Replayed, flight_from_frames, frames_in, frames_of
 from missions.plan_file import read_plan
 
 
@@ -45,8 +45,9 @@ def open_logged(path: Path, options: Namespace) -> Logged:
     mission = _mission(path, log, recorded, getattr(options, "plan", None))
     base = None if recorded is None else recorded.assumptions
     assumptions = assumptions_from(options, base=base)
-    replayed = flight_from_log(
-        path,
+    replayed = flight_from_frames(
+        list(frames_of(path) if log is None else frames_in(log.frames)),
+        str(path),
         plan=None if mission is None else plan_facts(mission),
         distance=assumptions.distance,
         yaw=assumptions.heading == "vehicle",
