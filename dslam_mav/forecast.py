@@ -18,6 +18,7 @@ from dslam_mav.records.prediction import LEG_SPREADS, READINGS_PER_SPREAD, SNR_D
 
 UNKNOWN_NUMBER = (2, 4)  # of sources, where it is left open
 MOST_LEGS = 60  # with more, fewer layouts: the time grows with the cube
+TOO_MANY_LEGS = 200  # a flight waits for its forecast
 FEWEST_LAYOUTS = 20
 FAINTEST = 1e-15  # of the peak: no sensor's noise
 
@@ -35,10 +36,12 @@ class Sensor:
 
 
 def forecast(vertices_m: ArrayLike, assumed: Assumptions, sensor: Sensor) -> Prediction | None:
-    """Over random layouts of sources about the path (L+1, 2); None where no layout can be drawn or read there."""
+    """Over random layouts of sources about the path (L+1, 2); None where no layout can be drawn or read there, or the
+    legs are more than 200.
+    """
     path = np.asarray(vertices_m, dtype=np.float64)
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    if not (len(lengths) and np.isfinite(lengths).all() and lengths.min() > 0.0):
+    if not (0 < len(lengths) <= TOO_MANY_LEGS and np.isfinite(lengths).all() and lengths.min() > 0.0):
         return None
     count = max(FEWEST_LAYOUTS, round(LAYOUTS * min(1.0, (MOST_LEGS / len(lengths)) ** 2)))
     prior = _prior(path, assumed, sensor, float(lengths.max()) / LEG_SPREADS)

@@ -63,6 +63,7 @@ def test_the_spread_is_what_is_assumed_of_it():
         ([[0.0, 0.0], [np.nan, 1.0]], Assumptions(n_sources=2)),
         ([[0.0, 0.0], [0.0, 0.0]], Assumptions(n_sources=2)),
         ([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0]], Assumptions(n_sources=5, spread_m=100.0)),
+        (np.column_stack([np.arange(300.0), np.arange(300.0) % 2]), Assumptions(n_sources=2)),
         ([[0.0, 0.0], [5000.0, 0.0], [5000.0, 9.0]], Assumptions(n_sources=2, spread_m=0.1)),
     ],
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.bound import source_columns
-from dslam_mav.dslam.expected import vertex_columns
+from dslam_mav.dslam.expected import QUIET, vertex_columns
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.kernels.expected import Unknown
 from dslam_mav.dslam.path import path_columns
@@ -40,15 +40,26 @@ class Growth:
 
 
 def growth(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: float | None = None) -> Growth | None:
-    """Of a flight in straight legs and its answer; None without positions. `medium`: as assumed, None is unknown."""
+    """Of a flight in straight legs and its answer; None without positions, or where numbers fail. `medium`: as assumed,
+    None is unknown.
+    """
     if not (flight.legs and has_positions(estimate) and len(flight.legs) == len(estimate.path.heading_rad)):
         return None
     if not (estimate.noise_sd > 0.0 and all(leg.reading.size for leg in flight.legs)):
         return None
+    if not (np.minimum(estimate.sources.amplitude, estimate.sources.peak_reading) > 0.0).all():
+        return None
     prob = _problem(flight, estimate, medium, heading_sd_rad)
-    state = _state(prob, estimate)
+    try:
+        return _growth(flight, prob, _state(prob, estimate), estimate.noise_sd)
+    except np.linalg.LinAlgError:
+        return None
+
+
+@QUIET
+def _growth(flight: Flight, prob: Problem, state: State, noise_sd: float) -> Growth | None:
     at = layout(prob, len(state.s))
-    jacobian = evaluate(prob, state, at)[1] / estimate.noise_sd
+    jacobian = evaluate(prob, state, at)[1] / noise_sd
     if not np.isfinite(jacobian).all():
         return None
     ends = np.cumsum([leg.reading.size for leg in flight.legs])

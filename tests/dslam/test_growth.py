@@ -106,6 +106,27 @@ def test_nothing_grows_without_positions():
     assert np.isnan(path_sd_m(found))
 
 
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"noise_sd": 0.0},
+        {"noise_sd": 1e-300},
+        {"noise_sd": float("nan")},
+        {"peak_reading": [0.0, 1.0]},
+        {"amplitude": [-1.0, 1.0]},
+        {"amplitude": [1e300, 1.0]},
+        {"peak_reading": [1e-300, 1.0]},
+    ],
+)
+def test_numbers_that_make_no_sense_are_no_failure(broken):
+    flight, medium, found = flown()
+    of_sources = {name: np.array(value) for name, value in broken.items() if name != "noise_sd"}
+    odd = replace(found, sources=replace(found.sources, **of_sources))
+    odd = replace(odd, noise_sd=broken.get("noise_sd", found.noise_sd))
+    grown = growth(flight, odd, medium)
+    assert grown is None or not np.isnan(grown.source_sd_m).any()
+
+
 def test_a_field_that_evolves_and_a_spread_that_is_found_are_bounded_too():
     flight, medium, found = flown(k=3, age_over_flight=2.0, medium=Medium(static=False))
     grown = growth(flight, found, medium)
