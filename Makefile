@@ -1,13 +1,14 @@
 # make fly    install into .venv, fly the demonstration missions, leave logs/<UTC>/flight.mcap and report.html
 # make test   everything a change must pass: lint, types, all tests in parallel
 # make bench  accuracy and speed tables (minutes)
+# make gallery  docs/gallery.md: what each pattern sees
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 RECORDING := ../shared/data/spot_bilayer_a.npz
 WORKERS ?= auto
 
-.PHONY: fly test lint bench schemas clean
+.PHONY: fly test lint bench gallery schemas clean
 
 fly: $(VENV)/installed
 	$(BIN)/dslam-mav fly --sources 3 --ambient auto
@@ -31,6 +32,10 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench.recorded_fields
 	$(BIN)/python -m tests.bench.recorded
 	$(BIN)/python -m tests.bench.flights
+
+# What each pattern sees: docs/gallery.md and its pictures (two minutes).
+gallery: $(VENV)/installed-dev
+	$(BIN)/python -m dslam_mav.commands.gallery docs
 
 # The generated schemas are kept in the repository; this makes them anew, with a compiler whose code every allowed
 # protobuf runtime accepts, in an environment of its own.

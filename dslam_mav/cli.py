@@ -224,10 +224,13 @@ def _replay(commands: Commands[_Parser]) -> None:
 
 def _report(commands: Commands[_Parser]) -> None:
     parser = _add(
-        commands, "report", "one self-contained page on a flight", "logs/latest/flight.mcap", ("report", "run")
-    )
+        commands, "report", "one self-contained page on a flight, or one that compares many",
+        "logs/*/flight.mcap -o comparison.html", ("report", "run"),
+    )  # fmt: skip
     parser.add_argument("logs", nargs="+", metavar="LOG", help=".mcap or .tlog")
-    parser.add_argument("-o", "--output", metavar="FILE", help="(default: beside the log)")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="(default: beside the log; of many, comparison.html here)"
+    )
     shared.assumptions(parser)
 
 

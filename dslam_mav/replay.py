@@ -75,7 +75,12 @@ def frames_of(path: Path) -> Iterator[Frame]:
         raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
     if not is_mcap:
         return iter(read_tlog(path))
-    stored = (parse_frame(raw, received_ns) for received_ns, raw in read_log(path).frames)
+    return frames_in(read_log(path).frames)
+
+
+def frames_in(packets: Iterable[tuple[int, bytes]]) -> Iterator[Frame]:
+    """The MAVLink frames of a log's packets (time received, bytes)."""
+    stored = (parse_frame(raw, received_ns) for received_ns, raw in packets)
     return (frame for frame in stored if frame is not None)
 
 

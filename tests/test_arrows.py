@@ -19,7 +19,8 @@ TOPS = ("dslam_mav", "missions", "sim_bridge")
 BASE = "errors mission observations records"
 SEEN = "errors observations records"  # legs are made of these alone: GPS-denied, so no mission with its places
 LEGS = f"{BASE} legs legs.plan"
-ALL = f"{LEGS} assumed assumptions dslam experiments files log mav missions replay report sim_bridge sim_bridge.fields"
+SIMULATED = "missions sim_bridge sim_bridge.fields"
+ALL = f"{LEGS} {SIMULATED} assumed assumptions dslam experiments files forecast log mav replay report"
 SWEEP = "sweep sweep.points"
 
 # room: (rooms of ours it may import besides itself, packages of others it may import); a room may have one within
@@ -38,10 +39,11 @@ HOUSE = {
     "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove_schemas_protobuf zstandard numpy"),
     "report": (f"{BASE} dslam", "jinja2 rich numpy"),
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
-    "experiments.pictures": ("records experiments", "numpy matplotlib"),
+    "experiments.pictures": ("records experiments", "numpy matplotlib PIL"),
     "sweep": ("errors records experiments.pictures sweep.points", "numpy threadpoolctl pyarrow distributed matplotlib"),
     "sweep.points": ("records dslam", "numpy"),
     "assumed": (f"{LEGS} assumptions dslam", "numpy"),
+    "forecast": ("records assumptions dslam", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
     "flight_log": (f"{LEGS} log mav replay", ""),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
@@ -49,7 +51,7 @@ HOUSE = {
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
     "sim_bridge.fields": (f"{BASE} dslam log mav", "numpy scipy msgspec"),
     "sim_bridge.loopback": (f"{BASE} mav", "numpy"),
-    "commands": (f"{ALL} {SWEEP}", "rich numpy msgspec"),
+    "commands": (f"{ALL} {SWEEP} experiments.pictures", "rich numpy msgspec"),
     "cli": ("errors commands", ""),
     "__main__": ("cli", ""),
 }

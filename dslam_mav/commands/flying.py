@@ -12,7 +12,7 @@ from pathlib import Path
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import in_words
-from dslam_mav.commands.attached import as_logged, attach
+from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
 from dslam_mav.commands.folder import point_latest
@@ -78,6 +78,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         truth = _truth(setup, held)
         attach(recorder, held, setup.assumptions, system)
         _attach(recorder, setup, truth)
+        prediction = predict(recorder, held, setup.assumptions, setup.readings.sensor)
         crew = _crew(stack, url, system, setup, held, recorder)
         stopped = _follow(ground, system, crew, legs, screen)
         if options.connect and isinstance(stopped, KeyboardInterrupt):
@@ -92,6 +93,10 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
             facts={**_facts(setup, legs, crew.bridge.sent), **in_words(setup.assumptions)},
             warnings=(*_missing(setup.readings, crew.bridge), *collector.notes(flown)),
             stopped=stopped,
+            assumptions=setup.assumptions,
+            mission=held,
+            prediction=prediction,
+            under_way=tuple((u.legs_flown, u.estimate) for u in crew.updates if u.estimate and not u.final),
         )
 
 

@@ -17,7 +17,7 @@ from dslam_mav.log.reader import FlightLog, read_log
 from dslam_mav.log.recovered import in_words as recovered_in_words
 from dslam_mav.mission import Mission
 from dslam_mav.records import Truth
-from dslam_mav.replay import Replayed, flight_from_log
+from dslam_mav.replay import Replayed, flight_from_frames, frames_in, frames_of
 from missions.plan_file import read_plan
 
 
@@ -46,8 +46,9 @@ def open_logged(path: Path, options: Namespace) -> Logged:
     mission = _mission(path, log, recorded, getattr(options, "plan", None))
     base = None if recorded is None else recorded.assumptions
     assumptions = assumptions_from(options, base=base)
-    replayed = flight_from_log(
-        path,
+    replayed = flight_from_frames(
+        list(frames_of(path) if log is None else frames_in(log.frames)),
+        str(path),
         plan=None if mission is None else plan_facts(mission),
         distance=assumptions.distance,
         yaw=assumptions.heading == "vehicle",
@@ -106,4 +107,16 @@ def outcome_of(logged: Logged) -> Outcome:
         "distance along a leg": ", ".join(sorted(modes)),
     }
     truth = truth_of(logged.truth, logged.mission, replayed.legs)
-    return Outcome(replayed.flight, None, truth, logged.path, facts, tuple(warnings))
+    then = None if logged.assumed_anew else logged.log
+    return Outcome(
+        replayed.flight,
+        None,
+        truth,
+        logged.path,
+        facts,
+        tuple(warnings),
+        assumptions=logged.assumptions,
+        mission=logged.mission,
+        prediction=None if then is None else then.prediction,
+        under_way=() if then is None else tuple((e.legs_flown, e.estimate) for e in then.estimates if not e.final),
+    )

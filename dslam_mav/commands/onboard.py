@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.commands.assume import assumptions_from, in_words
-from dslam_mav.commands.attached import as_logged, attach
+from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
 from dslam_mav.commands.outcome import Outcome, show
@@ -15,6 +15,7 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
 from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError, DslamError
+from dslam_mav.forecast import Sensor
 from dslam_mav.legs import LegCollector, plan_facts
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mav.frames import COMPONENT_ESTIMATOR, COMPONENT_GROUND, SYSTEM_GROUND
@@ -38,6 +39,7 @@ def run(options: Namespace) -> int:
         warm_up()
     with Recorder(out) as recorder:
         attach(recorder, mission, assumptions, system)
+        predict(recorder, mission, assumptions, Sensor())
         collector = LegCollector(plan_facts(mission), distance=assumptions.distance)
         updates: list[Update] = []
         stopped: DslamError | KeyboardInterrupt | None = None

@@ -22,9 +22,9 @@ from dslam_mav.log.declared import Declared, is_ours
 from dslam_mav.log.recovered import Recovered, recovered_from
 from dslam_mav.log.scan import Chunk, Scan
 from dslam_mav.log.schemas import flight_pb2 as pb
-from dslam_mav.log.topics import ESTIMATE, MISSION, RAW, TEXT, THERMAL, TOPICS, TRUTH
+from dslam_mav.log.topics import ESTIMATE, MISSION, PREDICTION, RAW, TEXT, THERMAL, TOPICS, TRUTH
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Truth
+from dslam_mav.records import Estimate, Prediction, Truth
 
 _Use = Callable[[int, bytes], None]  # what to do with a message: (log time, protobuf)
 
@@ -44,9 +44,10 @@ class FlightLog:
     """All that a log holds of a flight, each in the order written; times are nanoseconds since 1970.
 
     `frames` (time, MAVLink packet), `readings` (time, reading), `progress` (time, progress), `texts` (time,
-    Python's logging level, text), `attachments` by name. `topics` counts the messages of every topic, also of
-    foreign ones. `complete`: the log was closed, and nothing in it is missing or damaged. `recovered`: what
-    `recover` could not bring into it, where it is the work of that; None where it is as it was recorded.
+    Python's logging level, text), `attachments` by name. `prediction`: what the mission was expected to see, None
+    where nobody said. `topics` counts the messages of every topic, also of foreign ones. `complete`: the log was
+    closed, and nothing in it is missing or damaged. `recovered`: what `recover` could not bring into it, where it is
+    the work of that; None where it is as it was recorded.
     """
 
     frames: tuple[tuple[int, bytes], ...]
@@ -55,6 +56,7 @@ class FlightLog:
     estimates: tuple[LoggedEstimate, ...]
     texts: tuple[tuple[int, int, str], ...]
     truth: Truth | None
+    prediction: Prediction | None
     attachments: dict[str, bytes]
     topics: dict[str, int]
     duration_s: float
@@ -79,6 +81,7 @@ def read_log(path: Path) -> FlightLog:
     estimates: list[LoggedEstimate] = []
     texts: list[tuple[int, int, str]] = []
     truth: list[Truth] = []
+    predictions: list[Prediction] = []
     raw_frame, thermal, mission = (
         pb.RawFrame.FromString,
         pb.ThermalReading.FromString,
@@ -98,6 +101,7 @@ def read_log(path: Path) -> FlightLog:
             ESTIMATE: use_estimate,
             TEXT: lambda time_ns, data: texts.append((time_ns, *codec.decode_text(Log.FromString(data)))),
             TRUTH: lambda _, data: truth.append(codec.decode_truth(pb.Truth.FromString(data))),
+            PREDICTION: lambda _, data: predictions.append(codec.decode_prediction(pb.Prediction.FromString(data))),
         }
     )
     info = contents.read(path)
@@ -108,6 +112,7 @@ def read_log(path: Path) -> FlightLog:
         estimates=tuple(estimates),
         texts=tuple(texts),
         truth=truth[-1] if truth else None,
+        prediction=predictions[0] if predictions else None,
         attachments=contents.attachments,
         topics=info["topics"],
         duration_s=info["duration_s"],

@@ -30,6 +30,7 @@ from dslam_mav.log.topics import (
     CHANNEL_IDS,
     ESTIMATE,
     MISSION,
+    PREDICTION,
     PRODUCER,
     RAW,
     TEXT,
@@ -38,7 +39,7 @@ from dslam_mav.log.topics import (
     TRUTH,
 )
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Truth
+from dslam_mav.records import Estimate, Prediction, Truth
 
 _SYNC_PERIOD_S = 0.5  # half of what may be lost, the other half is for a slow disk
 CHUNK_BYTES = 64 * 1024  # what one damaged byte can cost
@@ -115,6 +116,10 @@ class Recorder:
     def truth(self, received_ns: int, truth: Truth) -> None:
         """The truth of the flight, where somebody knows it."""
         self._put(received_ns, TRUTH, codec.encode_truth(truth))
+
+    def prediction(self, received_ns: int, prediction: Prediction) -> None:
+        """What the mission is expected to see, as far as is known before it is flown."""
+        self._put(received_ns, PREDICTION, codec.encode_prediction(prediction))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """A whole file: the plan, the configuration, the scene."""

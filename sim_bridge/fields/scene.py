@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dslam_mav import records
-from dslam_mav.dslam.field import field, squared_spread_m2
+from dslam_mav.dslam.field import field, peak_reading, squared_spread_m2
 from dslam_mav.errors import BadInputError
 from sim_bridge.fields.complaint import complaint
 from sim_bridge.fields.field import Array
@@ -103,6 +103,15 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         time_s, place_m = _readings_of(self, _checked_vertices(self, vertices_m))[2:]
         signal = SceneField(self).read(time_s - self.sampling.start_s, place_m) - self.medium.ambient
         return float(np.mean(signal**2))
+
+    def usual_peak(self) -> float | None:
+        """The sources' peak readings above ambient as the flight begins, geometric mean; None before any is on."""
+        active = self.sampling.start_s > self.activation_s
+        if not active.any():
+            return None
+        age_s = self.sampling.start_s - self.activation_s[active]
+        spread2 = 4.0 * self.medium.diffusivity_m2_s * age_s
+        return float(np.exp(np.log(peak_reading(self.amplitude[active], spread2, self.medium.dimensions)).mean()))
 
     def estimator_medium(self) -> records.Medium:
         """The scene's `medium` as an estimator may be told it: activation times are not part of it."""

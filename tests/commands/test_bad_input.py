@@ -197,7 +197,7 @@ def test_options_that_do_not_go_together(tmp_path: Path, flown: Any) -> None:
         (("plan", "--centre", "1"), "--centre 1"),
         (("plan", "-o", tmp_path / "x.kml"), "x.kml"),
         (("plan", "-o", tmp_path / "nowhere" / "x.plan"), "nowhere"),
-        (("report", flown.log, flown.log, "-o", tmp_path / "x.html"), "-o"),
+        (("report", tmp_path / "a.mcap", tmp_path / "b.mcap"), "none of 2 logs can be read"),
         (("replay", flown.log, "--plan", tmp_path / "none.plan"), "none.plan"),
         (("vehicle", "--system", 300), "300"),
         (("vehicle", "--listen", "udpout:127.0.0.1:5"), "udpout"),

@@ -156,3 +156,41 @@ class Truth(_message.Message):
     amplitude: _containers.RepeatedScalarFieldContainer[float]
     vertices_m: Array
     def __init__(self, source_position_m: _Optional[_Union[Array, _Mapping]] = ..., amplitude: _Optional[_Iterable[float]] = ..., vertices_m: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
+
+class Range(_message.Message):
+    __slots__ = ("median_m", "p90_m")
+    MEDIAN_M_FIELD_NUMBER: _ClassVar[int]
+    P90_M_FIELD_NUMBER: _ClassVar[int]
+    median_m: float
+    p90_m: float
+    def __init__(self, median_m: _Optional[float] = ..., p90_m: _Optional[float] = ...) -> None: ...
+
+class Prediction(_message.Message):
+    __slots__ = ("fewest_sources", "most_sources", "spread_m", "area_m", "peak", "noise_sd", "readings_per_m", "length_m", "source_error_m", "path_error_m", "source_error_aligned_m", "path_error_aligned_m", "unidentifiable_share")
+    FEWEST_SOURCES_FIELD_NUMBER: _ClassVar[int]
+    MOST_SOURCES_FIELD_NUMBER: _ClassVar[int]
+    SPREAD_M_FIELD_NUMBER: _ClassVar[int]
+    AREA_M_FIELD_NUMBER: _ClassVar[int]
+    PEAK_FIELD_NUMBER: _ClassVar[int]
+    NOISE_SD_FIELD_NUMBER: _ClassVar[int]
+    READINGS_PER_M_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_ERROR_M_FIELD_NUMBER: _ClassVar[int]
+    PATH_ERROR_M_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_ERROR_ALIGNED_M_FIELD_NUMBER: _ClassVar[int]
+    PATH_ERROR_ALIGNED_M_FIELD_NUMBER: _ClassVar[int]
+    UNIDENTIFIABLE_SHARE_FIELD_NUMBER: _ClassVar[int]
+    fewest_sources: int
+    most_sources: int
+    spread_m: float
+    area_m: _containers.RepeatedScalarFieldContainer[float]
+    peak: float
+    noise_sd: float
+    readings_per_m: float
+    length_m: float
+    source_error_m: Range
+    path_error_m: Range
+    source_error_aligned_m: Range
+    path_error_aligned_m: Range
+    unidentifiable_share: float
+    def __init__(self, fewest_sources: _Optional[int] = ..., most_sources: _Optional[int] = ..., spread_m: _Optional[float] = ..., area_m: _Optional[_Iterable[float]] = ..., peak: _Optional[float] = ..., noise_sd: _Optional[float] = ..., readings_per_m: _Optional[float] = ..., length_m: _Optional[float] = ..., source_error_m: _Optional[_Union[Range, _Mapping]] = ..., path_error_m: _Optional[_Union[Range, _Mapping]] = ..., source_error_aligned_m: _Optional[_Union[Range, _Mapping]] = ..., path_error_aligned_m: _Optional[_Union[Range, _Mapping]] = ..., unidentifiable_share: _Optional[float] = ...) -> None: ...
