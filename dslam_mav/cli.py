@@ -165,6 +165,7 @@ def _vehicle(commands: Commands[_Parser]) -> None:
     parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it stands, degrees and metres")
     parser.add_argument("--cruise-speed", metavar="M_S", type=POSITIVE, default=5.0, help="unless the mission says (5)")
     parser.add_argument("--seed", metavar="N", type=SEED, help="repeats a flight exactly")
+    shared.signing_key(parser)
 
 
 def _bridge(commands: Commands[_Parser]) -> None:

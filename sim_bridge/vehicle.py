@@ -15,6 +15,7 @@ from typing import Any, Self
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Encoder, Frame
+from dslam_mav.mav.signing import Signing, Verifier
 from dslam_mav.mission import Home
 from sim_bridge.loopback import commands
 from sim_bridge.loopback.autopilot import Autopilot
@@ -35,7 +36,7 @@ class Vehicle:
     """Listens on construction (`urls` has the ports really bound), lives while `run` runs.
 
     `listen`: "udpin:HOST:PORT" or "tcpin:HOST:PORT", port 0 for any free one. BadInputError on a malformed
-    URL or option, LinkError on a port in use.
+    URL or option, LinkError on a port in use. With `signing` it heeds and passes on only what is signed with that key.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Vehicle:
         home: Home = DEFAULT_HOME,
         cruise_speed_m_s: float = 5.0,
         position_rate_hz: float = 50.0,
+        signing: Signing | None = None,
     ) -> None:
         _expect("system", system, 1, 255)
         _expect("speedup", speedup, 0.01, 1000.0)
@@ -59,8 +61,8 @@ class Vehicle:
         )
         self._missions = MissionService(self._autopilot)
         self._router = Router(system, COMPONENT_AUTOPILOT)
-        self._encoder = Encoder(system, COMPONENT_AUTOPILOT)
-        self._endpoints = Endpoints(listen)
+        self._encoder = Encoder(system, COMPONENT_AUTOPILOT, signing)
+        self._endpoints = Endpoints(listen, None if signing is None else Verifier(signing))
         self._clock_s = 0.0
         self._clock_ms = 0
 

@@ -7,10 +7,11 @@ import select
 import socket
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from dslam_mav.mav.frames import Frame, Parser
+from dslam_mav.mav.signing import Verifier
 from dslam_mav.mav.sockets import enlarge_receive_buffer, listening_socket
 from dslam_mav.mav.url import KINDS_LISTEN, parse_url
 
@@ -27,13 +28,17 @@ class Peer:
     sock: socket.socket
     address: Any
     heard_s: float
-    parser: Parser = field(default_factory=Parser)
+    parser: Parser
 
 
 class Endpoints:
-    """Listens on every URL: BadInputError on a malformed one, LinkError on a port in use."""
+    """Listens on every URL: BadInputError on a malformed one, LinkError on a port in use.
 
-    def __init__(self, urls: Sequence[str]) -> None:
+    With a `verifier` only what it accepts comes through, and who has sent nothing of the kind is no peer.
+    """
+
+    def __init__(self, urls: Sequence[str], verifier: Verifier | None = None) -> None:
+        self._verifier = verifier
         self._bound: list[tuple[str, socket.socket]] = []
         self._udp: dict[tuple[socket.socket, Any], Peer] = {}
         self._tcp: dict[socket.socket, Peer] = {}
@@ -106,9 +111,16 @@ class Endpoints:
             if peer is None:
                 if len(self._udp) >= MAX_PEERS:
                     continue
-                peer = self._udp[sock, address] = Peer(sock, address, 0.0)
+                peer = Peer(sock, address, 0.0, Parser(self._verifier))
+            frames += self._feed(peer, data)
+            if peer.heard_s > 0.0:
+                self._udp[sock, address] = peer
+        return frames
+
+    def _feed(self, peer: Peer, data: bytes) -> list[tuple[Peer, Frame]]:
+        frames = [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
+        if frames or self._verifier is None:
             peer.heard_s = time.monotonic()
-            frames += [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
         return frames
 
     def _accept(self, listener: socket.socket) -> None:
@@ -117,7 +129,7 @@ class Endpoints:
             enlarge_receive_buffer(sock)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             sock.setblocking(False)
-            self._tcp[sock] = Peer(sock, None, 0.0)
+            self._tcp[sock] = Peer(sock, None, 0.0, Parser(self._verifier))
 
     def _read_stream(self, peer: Peer) -> list[tuple[Peer, Frame]]:
         try:
@@ -129,8 +141,7 @@ class Endpoints:
         if not data:
             self._drop_stream(peer)
             return []
-        peer.heard_s = time.monotonic()
-        return [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
+        return self._feed(peer, data)
 
     def _drop_stream(self, peer: Peer) -> None:
         if self._tcp.pop(peer.sock, None) is not None:
