@@ -21,6 +21,7 @@ from sim_bridge.loopback import commands
 from sim_bridge.loopback.autopilot import Autopilot
 from sim_bridge.loopback.endpoints import Endpoints, Peer
 from sim_bridge.loopback.flight import Outgoing
+from sim_bridge.loopback.link_faults import Air, LinkFaults
 from sim_bridge.loopback.mission_service import MissionService
 from sim_bridge.loopback.router import Router
 from sim_bridge.loopback.telemetry import HEARTBEAT, build
@@ -37,6 +38,7 @@ class Vehicle:
 
     `listen`: "udpin:HOST:PORT" or "tcpin:HOST:PORT", port 0 for any free one. BadInputError on a malformed
     URL or option, LinkError on a port in use. With `signing` it heeds and passes on only what is signed with that key.
+    `link_faults` befall all it sends and receives.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class Vehicle:
         cruise_speed_m_s: float = 5.0,
         position_rate_hz: float = 50.0,
         signing: Signing | None = None,
+        link_faults: LinkFaults | None = None,
     ) -> None:
         _expect("system", system, 1, 255)
         _expect("speedup", speedup, 0.01, 1000.0)
@@ -62,7 +65,12 @@ class Vehicle:
         self._missions = MissionService(self._autopilot)
         self._router = Router(system, COMPONENT_AUTOPILOT)
         self._encoder = Encoder(system, COMPONENT_AUTOPILOT, signing)
-        self._endpoints = Endpoints(listen, None if signing is None else Verifier(signing))
+        self._faults = link_faults or LinkFaults()
+        self._endpoints = Endpoints(
+            listen,
+            None if signing is None else Verifier(signing),
+            None if link_faults is None else Air(link_faults, seed),
+        )
         self._clock_s = 0.0
         self._clock_ms = 0
 
@@ -130,12 +138,12 @@ class Vehicle:
 
     def _answer(self, answers: Sequence[tuple[Any, Any]]) -> None:
         for peer, message in answers:
-            self._endpoints.send(peer, self._encoder.pack(message))
+            self._endpoints.send(peer, self._encoder.pack(self._faults.stamped(message)))
 
     def _send_all(self, outgoing: Sequence[Outgoing]) -> None:
         peers = self._endpoints.peers
         for out in outgoing:
-            raw = self._encoder.pack(out.message)
+            raw = self._encoder.pack(self._faults.stamped(out.message))
             for peer in peers:
                 if peer is out.only or (out.only is None and peer not in out.without):
                     self._endpoints.send(peer, raw)

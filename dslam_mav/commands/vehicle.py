@@ -10,6 +10,7 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
 from dslam_mav.errors import BadInputError
 from dslam_mav.mission import Home
+from sim_bridge.loopback.link_faults import parse_link_faults
 from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 
 
@@ -24,6 +25,7 @@ def run(options: Namespace) -> int:
         home=parse_home(options.home) if options.home else DEFAULT_HOME,
         cruise_speed_m_s=options.cruise_speed,
         signing=signing_from(options, screen),
+        link_faults=parse_link_faults(options.link_faults) if options.link_faults else None,
     )
     screen.say(f"vehicle {options.system} listens on {', '.join(vehicle.urls)}, {options.speedup:g} times real time")
     screen.result({"system": options.system, "urls": list(vehicle.urls)})
