@@ -26,6 +26,7 @@ from dslam_mav.mav.mission.protocol import (
     Message,
     Request,
     RequestList,
+    item_timeout_s,
 )
 from dslam_mav.mission import MissionItem
 
@@ -137,5 +138,6 @@ def _timeout(state: Server, now_s: float) -> Step:
         return state, ()
     if incoming.retries == 0:
         return replace(state, incoming=None), ((incoming.peer, Ack(CANCELLED)),)
-    again = replace(incoming, deadline_s=now_s + ITEM_TIMEOUT_S, retries=incoming.retries - 1)
+    left = incoming.retries - 1
+    again = replace(incoming, deadline_s=now_s + item_timeout_s(left), retries=left)
     return replace(state, incoming=again), ((incoming.peer, Request(len(incoming.items))),)

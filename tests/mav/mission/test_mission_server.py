@@ -19,6 +19,7 @@ from dslam_mav.mav.mission.protocol import (
     Item,
     Request,
     RequestList,
+    item_timeout_s,
 )
 from dslam_mav.mav.mission.server import Server
 
@@ -86,15 +87,17 @@ def test_cancel_keeps_the_old_mission() -> None:
     assert server.items == OLD
 
 
-def test_vehicle_asks_again_every_250_ms_five_times_then_cancels() -> None:
+def test_vehicle_asks_again_after_250_ms_five_times_in_five_seconds_then_cancels() -> None:
     server, _ = tell(Server(items=OLD), Count(3), 10.0)
     now_s = 10.0
-    for _ in range(RETRIES):
-        assert tell(server, None, now_s + ITEM_TIMEOUT_S - 1e-3)[1] == []
-        now_s += ITEM_TIMEOUT_S
+    for left in range(RETRIES, 0, -1):
+        assert tell(server, None, now_s + item_timeout_s(left) - 1e-3)[1] == []
+        now_s += item_timeout_s(left)
         server, replies = tell(server, None, now_s)
         assert replies == [Request(0)]
-    server, replies = tell(server, None, now_s + ITEM_TIMEOUT_S)
+    assert item_timeout_s(RETRIES) == ITEM_TIMEOUT_S
+    assert now_s + item_timeout_s(0) == 15.0
+    server, replies = tell(server, None, now_s + item_timeout_s(0))
     assert replies == [Ack(CANCELLED)]
     assert server.items == OLD
     assert server.incoming is None
