@@ -3,8 +3,7 @@
 Pure state machines: `step(state, message | None, now_s) -> (state, replies)`; None is the passing of time.
 Times are arguments, never read. https://mavlink.io/en/services/mission.html: a message without an answer is
 sent again after 1500 ms (items 250 ms), at most five times; items go in order; one out of order is dropped
-and the expected one asked for again; a refusal ends the transfer and the vehicle keeps its old mission. Items
-are asked for again ever more slowly, so that five times outlast a link that is silent for seconds. The
+and the expected one asked for again; a refusal ends the transfer and the vehicle keeps its old mission. The
 vehicle's side is `server`.
 """
 
@@ -18,8 +17,8 @@ from dslam_mav.mission import MissionItem
 TIMEOUT_S = 1.5
 ITEM_TIMEOUT_S = 0.25
 RETRIES = 5
-
-_ITEM_PATIENCE = (1, 1, 2, 4, 6, 6)
+ITEM_RETRIES = 19
+"""Items are asked for so often again, for 5 s as PX4 does: links that are silent for seconds lose no transfer."""
 
 ACCEPTED = 0
 ERROR = 1
@@ -53,11 +52,6 @@ _IN_WORDS = (
     "denied",
     "transfer cancelled",
 )
-
-
-def item_timeout_s(retries: int) -> float:
-    """How long to wait for an item with so many retries left: 5 s altogether."""
-    return ITEM_TIMEOUT_S * _ITEM_PATIENCE[RETRIES - retries]
 
 
 def result_in_words(result: int) -> str:
@@ -211,7 +205,7 @@ def step_download(state: Transfer, message: Message | None, now_s: float) -> Ste
         case None if now_s >= state.deadline_s:
             if state.phase is Phase.OPENING:
                 return _again(state, state.opening, TIMEOUT_S, now_s)
-            return _again(state, Request(state.seq), item_timeout_s(max(0, state.retries - 1)), now_s)
+            return _again(state, Request(state.seq), ITEM_TIMEOUT_S, now_s)
         case Count(count) if state.phase is Phase.OPENING or count != state.count:
             if count == 0:
                 return replace(state, phase=Phase.DONE, count=0, items=()), (Ack(ACCEPTED),)
@@ -230,7 +224,7 @@ def step_download(state: Transfer, message: Message | None, now_s: float) -> Ste
 
 
 def _expect(state: Transfer, seq: int, now_s: float) -> Step:
-    return replace(state, seq=seq, deadline_s=now_s + ITEM_TIMEOUT_S, retries=RETRIES), (Request(seq),)
+    return replace(state, seq=seq, deadline_s=now_s + ITEM_TIMEOUT_S, retries=ITEM_RETRIES), (Request(seq),)
 
 
 def step_clear(state: Transfer, message: Message | None, now_s: float) -> Step:
