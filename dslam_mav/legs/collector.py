@@ -10,13 +10,15 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.legs.assembly import Event, FlownLeg, Samples, assemble
+from dslam_mav.legs.assembly import FlownLeg, Samples, assemble
 from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.distance import Distance
+from dslam_mav.legs.passing import Event
 from dslam_mav.legs.plan import PlanFacts
 from dslam_mav.observations import GroundSpeed, Observation, Odometry, Progress, Reading, Yaw
 from dslam_mav.records import Flight, Leg
@@ -25,6 +27,9 @@ Array = NDArray[np.float64]
 
 LATE_READINGS_MS = 3_000
 """How far dead reckoning must be past a leg's end before a leg without later readings counts as complete."""
+
+OVERTAKEN_MS = 150
+"""A packet that others have overtaken is no later than that; what is told again after it is meant."""
 
 
 class LegCollector:
@@ -49,6 +54,8 @@ class LegCollector:
         self._events: list[Event] = []
         self._run = self._boot = 0
         self._current: int | None = None
+        self._current_ms: int | None = None  # when it was last heard that the current item is still ahead
+        self._fallen: tuple[int, int] | None = None  # an item before the current one, and when it was heard first
         self._newest_reading_ms = self._newest_odometry_ms = -1
         self._checked = 0
         self._lock = threading.RLock()  # a thread that estimates may ask while another adds
@@ -141,22 +148,38 @@ class LegCollector:
         if progress.reached:
             self._passed(progress.seq, reached=True)
             return
-        before, self._current = self._current, progress.seq
+        before, since_ms = self._current, self._current_ms
+        if before is not None and progress.seq < before and not self._jumped_back(progress.seq):
+            return
+        self._current, self._current_ms, self._fallen = progress.seq, self.clock.newest_ms, None
         if before is not None and progress.seq > before:
-            self._passed(before, reached=False)  # says the same should MISSION_ITEM_REACHED be lost
+            self._passed(before, reached=False, since_ms=since_ms)  # says the same should ITEM_REACHED be lost
         elif before is not None and progress.seq < before:
             self._run += 1
 
-    def _passed(self, seq: int, *, reached: bool) -> None:
+    def _jumped_back(self, seq: int) -> bool:
+        """Whether the mission went back to an earlier item: if that is heard again a while later, and nothing else
+        between. Once is a packet that others have overtaken.
+        """
+        now_ms = self.clock.newest_ms or 0
+        if self._fallen is None:
+            self._fallen = seq, now_ms
+        return now_ms - self._fallen[1] >= OVERTAKEN_MS
+
+    def _passed(self, seq: int, *, reached: bool, since_ms: int | None = None) -> None:
         last = self._events[-1] if self._events and self._events[-1].run == self._run else None
         if last is not None and (seq == last.seq or (seq < last.seq and not reached)):
+            if reached and self.clock.newest_ms == last.time_ms:
+                self._events[-1] = replace(last, since_ms=None)  # both at once: it is passed now
             return  # PX4 repeats MISSION_ITEM_REACHED up to ten times
         if self.clock.newest_ms is None:
             self._early = seq
             return
         if last is not None and seq < last.seq:
             self._run += 1
-        self._events.append(Event(seq, self.clock.newest_ms, self._run, len(self._events), self._boot))
+            self._current, self._fallen = seq, None
+        event = Event(seq, self.clock.newest_ms, self._run, len(self._events), self._boot, since_ms)
+        self._events.append(event)
 
     def _reading(self, reading: Reading) -> None:
         self.names.add(reading.name)
