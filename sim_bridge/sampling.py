@@ -30,6 +30,7 @@ _SAME = 1e-9  # of a step: what rounding may take
 _STEPS = 9  # whose median is the usual time between two positions
 _GAP_STEPS = 5
 _GAP_MS = 50
+_STILL_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +139,7 @@ class Sampler:
         before, self._last = self._last, position
         if self._always and self._start_ms is None:
             self._begin_leg(position)
-        gap = before is not None and self._gap(time_boot_ms - before.time_ms)
+        gap = before is not None and self._gap(before, position)
         if before is None or self.finished or self._start_ms is None or time_boot_ms <= before.time_ms:
             return _NONE
         if self._sampling.spacing_m is not None:
@@ -155,12 +156,14 @@ class Sampler:
             return _NONE
         return _at_places(kept, self._start_ms, before, position)
 
-    def _gap(self, step_ms: int) -> bool:
-        """Whether positions are missing: none came for much longer than usual."""
+    def _gap(self, before: _Position, after: _Position) -> bool:
+        """Whether positions are missing: none came for much longer than usual, and it flew meanwhile."""
+        step_ms = after.time_ms - before.time_ms
         usual_ms = median(self._steps_ms) if len(self._steps_ms) == _STEPS else math.inf
         if step_ms > 0:
             self._steps_ms.append(step_ms)
-        return step_ms > max(_GAP_MS, _GAP_STEPS * usual_ms)
+        still = float(np.linalg.norm(after.place_m - before.place_m)) < _STILL_M
+        return step_ms > max(_GAP_MS, _GAP_STEPS * usual_ms) and not still
 
     def _begin_leg(self, position: _Position) -> None:
         self._origin = position

@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 LATE_READINGS_MS = 3_000
 """How far dead reckoning must be past a leg's end before a leg without later readings counts as complete."""
 
+SILENT_MS = 1_000
+"""An autopilot that tells no time for longer was not heard, or its telemetry is slow."""
+
 OVERTAKEN_MS = 150
 """A packet that others have overtaken is no later than that; what is told again after it is meant."""
 
@@ -55,6 +58,7 @@ class LegCollector:
         self._run = self._boot = 0
         self._current: int | None = None
         self._current_ms: int | None = None  # when it was last heard that the current item is still ahead
+        self._told = False  # whether the newest event was told since the newest time
         self._fallen: tuple[int, int] | None = None  # an item before the current one, and when it was heard first
         self._newest_reading_ms = self._newest_odometry_ms = -1
         self._checked = 0
@@ -154,6 +158,9 @@ class LegCollector:
         self._current, self._current_ms, self._fallen = progress.seq, self.clock.newest_ms, None
         if before is not None and progress.seq > before:
             self._passed(before, reached=False, since_ms=since_ms)  # says the same should ITEM_REACHED be lost
+            for seq in () if self.plan is None else self.plan.vertices:
+                if before < seq < progress.seq:
+                    self._passed(seq, reached=False, since_ms=since_ms, implied=True)
         elif before is not None and progress.seq < before:
             self._run += 1
 
@@ -166,7 +173,7 @@ class LegCollector:
             self._fallen = seq, now_ms
         return now_ms - self._fallen[1] >= OVERTAKEN_MS
 
-    def _passed(self, seq: int, *, reached: bool, since_ms: int | None = None) -> None:
+    def _passed(self, seq: int, *, reached: bool, since_ms: int | None = None, implied: bool = False) -> None:
         last = self._events[-1] if self._events and self._events[-1].run == self._run else None
         if last is not None and (seq == last.seq or (seq < last.seq and not reached)):
             if reached and self.clock.newest_ms == last.time_ms:
@@ -175,11 +182,14 @@ class LegCollector:
         if self.clock.newest_ms is None:
             self._early = seq
             return
+        if last is not None and seq < last.seq and self.clock.newest_ms - last.time_ms < OVERTAKEN_MS:
+            return
         if last is not None and seq < last.seq:
             self._run += 1
             self._current, self._fallen = seq, None
-        event = Event(seq, self.clock.newest_ms, self._run, len(self._events), self._boot, since_ms)
-        self._events.append(event)
+        now_ms = self.clock.newest_ms
+        self._events.append(Event(seq, now_ms, self._run, len(self._events), self._boot, since_ms, implied=implied))
+        self._told = reached
 
     def _reading(self, reading: Reading) -> None:
         self.names.add(reading.name)
@@ -212,11 +222,15 @@ class LegCollector:
         time_ms, new = self.clock.take(time_boot_ms)
         if new and first:
             self._forget()
+        elif not new and self._told and time_ms - self._events[-1].time_ms > SILENT_MS:
+            late = self._events[-1]  # told after a silence in which the clock was not heard
+            self._events[-1] = replace(late, time_ms=time_ms, since_ms=late.time_ms)
         elif new:
             self.counts["restarts"] += 1
             self._run += 1
             self._boot += 1
             self._current = None
+        self._told = False
         return time_ms
 
     def _forget(self) -> None:

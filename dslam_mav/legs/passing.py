@@ -31,7 +31,8 @@ class Event:
     """A mission item passed at `time_ms`, or at any time since `since_ms`, the `index`-th event; `run` changes when
     numbers start again, `boot` when the vehicle's clock does.
 
-    Samples that came before event number `opens` + 1 do not count to the leg that begins here.
+    Samples count to the leg that begins here if they came after event number `opens`, by default itself. `implied`:
+    nobody said that it was passed, only that a later item is flown to.
     """
 
     seq: int
@@ -41,11 +42,17 @@ class Event:
     boot: int = 0
     since_ms: int | None = None
     opens: int | None = None
+    implied: bool = False
 
     @property
     def certain(self) -> bool:
-        """Whether its moment is known well enough."""
-        return self.since_ms is None or self.time_ms - self.since_ms <= CERTAIN_MS
+        """Whether it was passed, and its moment is known well enough."""
+        return not self.implied and self.time_ms - self.earliest_ms <= CERTAIN_MS
+
+    @property
+    def earliest_ms(self) -> int:
+        """When it may have been passed at the earliest."""
+        return self.time_ms if self.since_ms is None else self.since_ms
 
     @property
     def opened_at(self) -> int:
@@ -78,81 +85,73 @@ def _settle_run(run: list[Event], plan: PlanFacts, speeds: Array) -> list[Event]
     """One run: between neighbours that are certain, and beyond the outermost of those."""
     sure = [k for k, event in enumerate(run) if event.certain]
     if not sure:
-        return run
-    out = _beyond(run[: sure[0]], run[sure[0]], plan, speeds)
+        return [event for event in run if not event.implied]
+    out = _beyond(run[: sure[0]], run[sure[0]], plan, speeds, after=False)
     for a, b in pairwise(sure):
         out += [run[a], *_between(run[a], run[a + 1 : b], run[b], plan, speeds)]
-    return [*out, run[sure[-1]], *_beyond(run[sure[-1] + 1 :], run[sure[-1]], plan, speeds)]
+    return [*out, run[sure[-1]], *_beyond(run[sure[-1] + 1 :], run[sure[-1]], plan, speeds, after=True)]
 
 
 def _between(start: Event, late: list[Event], end: Event, plan: PlanFacts, speeds: Array) -> list[Event]:
     first, last = plan.vertices.index(start.seq), plan.vertices.index(end.seq)
+    told = [event for event in late if not event.implied]
     if last <= first or end.time_ms <= start.time_ms:
-        return late
+        return told
     planned_m = np.concatenate([[0.0], np.cumsum(plan.lengths_m[first:last])])
+    time_ms, way_m = _way(speeds, start.time_ms, end.time_ms)
+    flown_m = float(way_m[-1])
+    missing = len(told) < last - first - 1
+    if planned_m[-1] <= 0.0 or (missing and not planned_m[-1] / LONGER <= flown_m <= planned_m[-1] * LONGER):
+        return told
+    if flown_m <= 0.0:
+        time_ms, way_m = time_ms[[0, -1]], np.array([0.0, 1.0])
+    moments = np.interp(planned_m * (way_m[-1] / planned_m[-1]), way_m, time_ms)
     heard = {event.seq: event for event in late}
-    missing = len(heard) < last - first - 1
-    if planned_m[-1] <= 0.0 or (missing and not _as_planned(planned_m[-1], speeds, start, end)):
-        return late
-    moments = _moments(planned_m / planned_m[-1], speeds, start.time_ms, end.time_ms)
     settled = []
     for seq, moment_ms in zip(plan.vertices[first + 1 : last], moments[1:-1], strict=True):
-        event = heard.get(seq)
-        after = [e.index for e in late if e.seq > seq]
-        if event is None:
-            index = min([*after, end.index])
-            settled.append(Event(seq, moment_ms, start.run, index, start.boot, opens=index - 1))
-        else:
-            settled.append(_moved(event, moment_ms))
+        index = min([e.index for e in (*late, end) if e.seq >= seq])
+        event = heard.get(seq, Event(seq, end.time_ms, start.run, index, start.boot, start.time_ms))
+        settled.append(_moved(event, moment_ms, start))
     return settled
 
 
-def _as_planned(planned_m: float, speeds: Array, start: Event, end: Event) -> bool:
-    """Whether so much was flown: else the corners that nobody reported were not flown to."""
-    flown_m = _way(speeds, start.time_ms, end.time_ms)[1][-1]
-    return bool(planned_m / LONGER <= flown_m <= planned_m * LONGER)
-
-
-def _beyond(late: list[Event], sure: Event, plan: PlanFacts, speeds: Array) -> list[Event]:
+def _beyond(late: list[Event], sure: Event, plan: PlanFacts, speeds: Array, *, after: bool) -> list[Event]:
     """Corners before the first certain one, or after the last: as far from it as planned."""
-    settled = []
+    if not late or len(speeds) < 2:
+        return [event for event in late if not event.implied]
     at = plan.vertices.index(sure.seq)
+    farthest_ms = max(e.time_ms for e in late) if after else min(e.earliest_ms for e in late)
+    start_ms, end_ms = sorted((farthest_ms, sure.time_ms))
+    time_ms, way_m = _way(speeds, start_ms, end_ms, hold=1 if after else -1)
+    settled = []
     for event in late:
         place = plan.vertices.index(event.seq)
-        low, high = sorted((place, at))
-        planned_m = sum(plan.lengths_m[low:high])
-        since_ms = event.time_ms if event.since_ms is None else event.since_ms
-        ends_ms = (since_ms, sure.time_ms) if place < at else (sure.time_ms, event.time_ms)
-        moved = event
-        if place != at and ends_ms[0] < ends_ms[1] and len(speeds) > 1:
-            total_m = _way(speeds, *ends_ms)[1][-1]
-            share = planned_m / total_m if total_m > 0.0 else 1.0
-            shares = np.clip([1.0 - share if place < at else share], 0.0, 1.0)
-            moved = _moved(event, _moments(shares, speeds, *ends_ms)[0])
-        settled.append(moved)
+        planned_m = sum(plan.lengths_m[min(place, at) : max(place, at)])
+        moment_ms = np.interp(planned_m if after else way_m[-1] - planned_m, way_m, time_ms)
+        outside_ms = max(event.earliest_ms - moment_ms, moment_ms - event.time_ms)
+        if not event.implied or outside_ms <= CERTAIN_MS:
+            settled.append(_moved(event, moment_ms, sure if after else None))
     return settled
 
 
-def _moved(event: Event, moment_ms: int) -> Event:
-    earliest_ms = event.time_ms if event.since_ms is None else event.since_ms
-    moment_ms = min(max(moment_ms, earliest_ms), event.time_ms)
-    return replace(event, time_ms=moment_ms, since_ms=None, opens=event.index - 1)
+def _moved(event: Event, moment_ms: float, since: Event | None) -> Event:
+    """The event at this moment, or as near to it as it can have been; samples since another event count after it."""
+    moment = min(max(round(moment_ms), event.earliest_ms), event.time_ms)
+    return replace(event, time_ms=moment, since_ms=None, opens=-1 if since is None else since.index)
 
 
-def _moments(shares: Array, speeds: Array, start_ms: int, end_ms: int) -> list[int]:
-    """When these shares (N,) of the way between two moments were flown, in whole ms."""
-    time_ms, way_m = _way(speeds, start_ms, end_ms)
-    if way_m[-1] <= 0.0:
-        return [round(start_ms + float(share) * (end_ms - start_ms)) for share in shares]
-    return [round(float(t)) for t in np.interp(shares * way_m[-1], way_m, time_ms)]
+def _way(speeds: Array, start_ms: int, end_ms: int, hold: int = 0) -> tuple[Array, Array]:
+    """(N,) moments from start to end, and the metres flown until each.
 
-
-def _way(speeds: Array, start_ms: int, end_ms: int) -> tuple[Array, Array]:
-    """(N,) moments from start to end, and the metres flown until each; speeds change evenly between samples."""
+    Between samples the speed changes evenly, or (`hold` 1, -1) is that of the earlier, of the later one.
+    """
     if len(speeds) < 2:
         return np.array([start_ms, end_ms], np.float64), np.zeros(2)
     inside = speeds[(speeds[:, 0] > start_ms) & (speeds[:, 0] < end_ms), 0]
     time_ms = np.concatenate([[start_ms], inside, [end_ms]])
     speed = np.interp(time_ms, speeds[:, 0], speeds[:, 1])
-    steps_m = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time_ms) / 1000.0
-    return time_ms, np.concatenate([[0.0], np.cumsum(steps_m)])
+    if hold:
+        near = np.searchsorted(speeds[:, 0], time_ms, side="right" if hold > 0 else "left") - (hold > 0)
+        speed = speeds[np.clip(near, 0, len(speeds) - 1), 1]
+    mean = 0.5 * (speed[1:] + speed[:-1]) if not hold else speed[:-1] if hold > 0 else speed[1:]
+    return time_ms, np.concatenate([[0.0], np.cumsum(mean * np.diff(time_ms) / 1000.0)])
