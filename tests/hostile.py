@@ -21,7 +21,8 @@ from sim_bridge.loopback.link_faults import Air, LinkFaults
 from sim_bridge.sampling import Sampling
 from sim_bridge.vehicle import DEFAULT_HOME
 
-STEP_MS = 10
+STEP_MS = 20
+HEARD = ("LOCAL_POSITION_NED", "MISSION_CURRENT", "MISSION_ITEM_REACHED", "HEARTBEAT", "VFR_HUD")
 MOST_MS = 300_000
 BRIDGE, ONBOARD, IN, OUT = "bridge", "onboard", "in", "out"
 
@@ -93,7 +94,7 @@ def fly(
     corners: list[tuple[float, float]],
     sensed: Field,
     *,
-    speed_m_s: float = 3.0,
+    speed_m_s: float = 4.0,
     sampling: Sampling | None = None,
     noise_sd: float = 0.0,
 ) -> Hostile:
@@ -138,6 +139,8 @@ def fly(
                 place_ms = out.message.time_boot_ms  # also told at every corner
             elif kind == "MISSION_ITEM_REACHED" and out.message.seq in leg_plan(plan).sequence:
                 flown.corner_ms.append(place_ms)
+            if kind not in HEARD:
+                continue
             raw = encoder.pack(faults.stamped(out.message))
             for who in (BRIDGE, ONBOARD):
                 send(who, OUT, raw)

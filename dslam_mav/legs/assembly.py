@@ -152,14 +152,18 @@ def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     senders: defaultdict[str, set[int]] = defaultdict(set)
     for name, component in samples.readings:
         senders[name].add(component)
-    values: defaultdict[int, list[float]] = defaultdict(list)
-    for (name, component), taken in sorted(samples.readings.items()):
-        if component != AUTOPILOT or senders[name] == {AUTOPILOT}:
-            for time_ms, value in taken.items():
-                values[time_ms].append(value)
-    times = sorted(values)
-    means = [sum(values[t]) / len(values[t]) for t in times]
-    return np.array(times, dtype=np.int64), np.array(means, dtype=np.float64)
+    chosen = [
+        taken
+        for (name, component), taken in sorted(samples.readings.items())
+        if component != AUTOPILOT or senders[name] == {AUTOPILOT}
+    ]
+    if not chosen:
+        return np.empty(0, np.int64), np.empty(0)
+    times = np.concatenate([np.fromiter(taken.keys(), np.int64, len(taken)) for taken in chosen])
+    values = np.concatenate([np.fromiter(taken.values(), np.float64, len(taken)) for taken in chosen])
+    order = np.argsort(times, kind="stable")
+    time_ms, first, counts = np.unique(times[order], return_index=True, return_counts=True)
+    return time_ms, np.add.reduceat(values[order], first) / counts
 
 
 def _choose(
