@@ -189,7 +189,7 @@ class LegCollector:
             self._current, self._fallen = seq, None
         now_ms = self.clock.newest_ms
         self._events.append(Event(seq, now_ms, self._run, len(self._events), self._boot, since_ms, implied=implied))
-        self._told = reached
+        self._told = True
 
     def _reading(self, reading: Reading) -> None:
         self.names.add(reading.name)
@@ -222,16 +222,27 @@ class LegCollector:
         time_ms, new = self.clock.take(time_boot_ms)
         if new and first:
             self._forget()
-        elif not new and self._told and time_ms - self._events[-1].time_ms > SILENT_MS:
-            late = self._events[-1]  # told after a silence in which the clock was not heard
-            self._events[-1] = replace(late, time_ms=time_ms, since_ms=late.time_ms)
         elif new:
             self.counts["restarts"] += 1
             self._run += 1
             self._boot += 1
             self._current = None
-        self._told = False
+        if self._told and not new and time_ms > self._events[-1].time_ms:
+            self._told = False
+            self._bound(time_ms)
         return time_ms
+
+    def _bound(self, time_ms: int) -> None:
+        """The events told last were passed before this time. Told after a silence, they were so just before it."""
+        told_ms = self._events[-1].time_ms
+        for k in range(len(self._events) - 1, -1, -1):
+            event = self._events[k]
+            if event.time_ms != told_ms:
+                break
+            if time_ms - told_ms > SILENT_MS:
+                self._events[k] = replace(event, time_ms=time_ms, since_ms=event.earliest_ms)
+            else:
+                self._events[k] = replace(event, until_ms=time_ms)
 
     def _forget(self) -> None:
         """Only readings were heard until now, and they had another clock: nothing of it has a known time."""

@@ -22,14 +22,17 @@ Array = NDArray[np.float64]
 CERTAIN_MS = 250
 """News of a corner that can be late by no more than this is taken as it comes."""
 
+LOSSY = 0.02
+"""The share of the vehicle's positions that do not come, from which on a link counts as one that loses packets."""
+
 LONGER = 1.25
 """How much longer, or shorter, than planned a way over corners that nobody reported may be."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A mission item passed at `time_ms`, or at any time since `since_ms`, the `index`-th event; `run` changes when
-    numbers start again, `boot` when the vehicle's clock does.
+    """A mission item passed at `time_ms`, or at any time from `since_ms` to `until_ms`, the `index`-th event; `run`
+    changes when numbers start again, `boot` when the vehicle's clock does.
 
     Samples count to the leg that begins here if they came after event number `opens`, by default itself. `implied`:
     nobody said that it was passed, only that a later item is flown to.
@@ -43,11 +46,16 @@ class Event:
     since_ms: int | None = None
     opens: int | None = None
     implied: bool = False
+    until_ms: int | None = None
+
+    def certain(self, within_ms: float = CERTAIN_MS) -> bool:
+        """Whether it was passed, and its moment is known so well."""
+        return not self.implied and self.latest_ms - self.earliest_ms <= within_ms
 
     @property
-    def certain(self) -> bool:
-        """Whether it was passed, and its moment is known well enough."""
-        return not self.implied and self.time_ms - self.earliest_ms <= CERTAIN_MS
+    def latest_ms(self) -> int:
+        """When it may have been passed at the latest."""
+        return self.time_ms if self.until_ms is None else self.until_ms
 
     @property
     def earliest_ms(self) -> int:
@@ -66,13 +74,14 @@ def settle(events: Sequence[Event], plan: PlanFacts, speeds: Array) -> list[Even
     `speeds` (N, 2): ms and m/s, times rising; without any the vehicle is taken to move evenly.
     """
     corners = [event for event in events if event.seq in plan.vertices]
+    within_ms = _certain_ms(speeds)
     settled: list[Event] = []
     for _, group in groupby(corners, key=lambda event: event.run):
         run = list(group)
-        if all(e.certain for e in run) and _complete(run, plan):
+        if all(e.certain(within_ms) for e in run) and _complete(run, plan):
             settled += run
         else:
-            settled += _settle_run(run, plan, speeds)
+            settled += _settle_run(run, plan, speeds, within_ms)
     return settled
 
 
@@ -81,9 +90,20 @@ def _complete(run: list[Event], plan: PlanFacts) -> bool:
     return places == list(range(places[0], places[0] + len(places)))
 
 
-def _settle_run(run: list[Event], plan: PlanFacts, speeds: Array) -> list[Event]:
+def _certain_ms(speeds: Array) -> float:
+    """How well a moment must be known: where packets are lost, to less than the time between two of them."""
+    steps_ms = np.diff(speeds[:, 0])
+    if steps_ms.size == 0:
+        return CERTAIN_MS
+    usual_ms = float(np.median(steps_ms))
+    lossy = np.mean(steps_ms > 1.5 * usual_ms) > LOSSY
+    return min(CERTAIN_MS, usual_ms - 1.0) if lossy else CERTAIN_MS
+
+
+def _settle_run(run: list[Event], plan: PlanFacts, speeds: Array, within_ms: float) -> list[Event]:
     """One run: between neighbours that are certain, and beyond the outermost of those."""
-    sure = [k for k, event in enumerate(run) if event.certain]
+    sure = [k for k, event in enumerate(run) if event.certain(within_ms)]
+    sure = sure or [k for k, event in enumerate(run) if event.certain()]
     if not sure:
         return [event for event in run if not event.implied]
     out = _beyond(run[: sure[0]], run[sure[0]], plan, speeds, after=False)
@@ -120,7 +140,7 @@ def _beyond(late: list[Event], sure: Event, plan: PlanFacts, speeds: Array, *, a
     if not late or len(speeds) < 2:
         return [event for event in late if not event.implied]
     at = plan.vertices.index(sure.seq)
-    farthest_ms = max(e.time_ms for e in late) if after else min(e.earliest_ms for e in late)
+    farthest_ms = max(e.latest_ms for e in late) if after else min(e.earliest_ms for e in late)
     start_ms, end_ms = sorted((farthest_ms, sure.time_ms))
     time_ms, way_m = _way(speeds, start_ms, end_ms, hold=1 if after else -1)
     settled = []
@@ -128,7 +148,7 @@ def _beyond(late: list[Event], sure: Event, plan: PlanFacts, speeds: Array, *, a
         place = plan.vertices.index(event.seq)
         planned_m = sum(plan.lengths_m[min(place, at) : max(place, at)])
         moment_ms = np.interp(planned_m if after else way_m[-1] - planned_m, way_m, time_ms)
-        outside_ms = max(event.earliest_ms - moment_ms, moment_ms - event.time_ms)
+        outside_ms = max(event.earliest_ms - moment_ms, moment_ms - event.latest_ms)
         if not event.implied or outside_ms <= CERTAIN_MS:
             settled.append(_moved(event, moment_ms, sure if after else None))
     return settled
@@ -136,8 +156,8 @@ def _beyond(late: list[Event], sure: Event, plan: PlanFacts, speeds: Array, *, a
 
 def _moved(event: Event, moment_ms: float, since: Event | None) -> Event:
     """The event at this moment, or as near to it as it can have been; samples since another event count after it."""
-    moment = min(max(round(moment_ms), event.earliest_ms), event.time_ms)
-    return replace(event, time_ms=moment, since_ms=None, opens=-1 if since is None else since.index)
+    moment = min(max(round(moment_ms), event.earliest_ms), event.latest_ms)
+    return replace(event, time_ms=moment, since_ms=None, until_ms=None, opens=-1 if since is None else since.index)
 
 
 def _way(speeds: Array, start_ms: int, end_ms: int, hold: int = 0) -> tuple[Array, Array]:
