@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dslam_mav.legs.assembly import FlownLeg, Samples, assemble
 from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.distance import Distance
+from dslam_mav.legs.notes import mean_heading_rad, notes
 from dslam_mav.legs.passing import Event
 from dslam_mav.legs.plan import PlanFacts
 from dslam_mav.observations import GroundSpeed, Observation, Odometry, Progress, Reading, Yaw
@@ -115,29 +116,7 @@ class LegCollector:
 
     def notes(self, legs: tuple[FlownLeg, ...]) -> tuple[str, ...]:
         """What a person should know of these legs' readings, one line each."""
-        lines = [f"{n} readings were not finite and were dropped" for n in [self.counts["not finite"]] if n]
-        if n := self.counts["off the clock"]:
-            lines.append(f"{n} readings had times that are not of the vehicle's clock and were dropped")
-        if n := self.counts["restarts"]:
-            lines.append(f"the autopilot's clock started again {n} times; the longest unbroken part is used")
-        if not self.names:
-            lines.append("no readings were heard: is the bridge or the sensor running?")
-        if missed := self._missed(legs):
-            lines.append(f"legs 1 to {missed} of the mission are missing: leg 1 here is its leg {missed + 1}")
-        for j, leg in enumerate(legs, 1):
-            if leg.value.size == 0:
-                lines.append(f"leg {j} of {len(legs)} has no readings")
-            elif leg.value.size > 1 and np.ptp(leg.value) == 0.0:
-                lines.append(f"leg {j} of {len(legs)}: all {leg.value.size} readings are {leg.value[0]:g}")
-        if n := self.legs_counts["legs lost"]:
-            lines.append(f"{n} legs could not be told apart or measured; the longest unbroken part is used")
-        return tuple(lines)
-
-    def _missed(self, legs: tuple[FlownLeg, ...]) -> int:
-        """How many of the plan's legs lie before the first one here."""
-        if self.plan is None or not legs or legs[0].start_seq not in self.plan.vertices:
-            return 0
-        return self.plan.vertices.index(legs[0].start_seq)
+        return notes(self.counts, self.legs_counts, legs, self.plan, heard=bool(self.names))
 
     def headings_rad(self, legs: tuple[FlownLeg, ...]) -> Array:
         """(L,) the vehicle's mean yaw on each leg as a direction, counter-clockwise from east; NaN where
@@ -146,7 +125,7 @@ class LegCollector:
         The turns at a leg's ends do not count: only the middle three fifths of its time.
         """
         with self._lock:
-            return np.array([_mean_heading_rad(leg, self._samples.yaw) for leg in legs])
+            return np.array([mean_heading_rad(leg, self._samples.yaw) for leg in legs])
 
     def _progress(self, progress: Progress) -> None:
         if progress.reached:
@@ -282,12 +261,3 @@ def flight_of(legs: tuple[FlownLeg, ...]) -> Flight:
 
 def _leg(leg: FlownLeg, zero_ms: int) -> Leg:
     return Leg(leg.length_m, leg.distance_m, (leg.time_ms - zero_ms) / 1000.0, leg.value)
-
-
-def _mean_heading_rad(leg: FlownLeg, yaw: list[tuple[int, float]]) -> float:
-    margin_ms = 0.2 * (leg.end_ms - leg.start_ms)
-    inside = [r for t, r in yaw if leg.start_ms + margin_ms <= t <= leg.end_ms - margin_ms]
-    if not inside:
-        return math.nan
-    mean_rad = math.atan2(math.fsum(map(math.sin, inside)), math.fsum(map(math.cos, inside)))
-    return math.remainder(0.5 * math.pi - mean_rad, 2.0 * math.pi)
