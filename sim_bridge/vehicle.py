@@ -21,10 +21,12 @@ from sim_bridge.loopback import commands
 from sim_bridge.loopback.autopilot import Autopilot
 from sim_bridge.loopback.endpoints import Endpoints, Peer
 from sim_bridge.loopback.flight import Outgoing
-from sim_bridge.loopback.link_faults import Air, LinkFaults
+from sim_bridge.loopback.link_faults import Air, LinkFaults, parse_link_faults
 from sim_bridge.loopback.mission_service import MissionService
 from sim_bridge.loopback.router import Router
 from sim_bridge.loopback.telemetry import HEARTBEAT, build
+
+__all__ = ["DEFAULT_HOME", "Vehicle", "parse_link_faults"]
 
 DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 
