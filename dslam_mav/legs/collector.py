@@ -220,7 +220,7 @@ class LegCollector:
                 break
             if time_ms - told_ms > SILENT_MS:
                 self._events[k] = replace(event, time_ms=time_ms, since_ms=event.earliest_ms)
-            else:
+            elif event.since_ms is None:
                 self._events[k] = replace(event, until_ms=time_ms)
 
     def _forget(self) -> None:
