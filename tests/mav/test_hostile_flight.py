@@ -83,7 +83,7 @@ def test_the_estimate_of_a_flight_with_every_fault_is_good() -> None:
         assert error_m(found(flight.collected().flight(final=True))) < 0.03 * SPREAD_M
 
 
-@pytest.mark.parametrize("name", ["loss", "silence"])
+@pytest.mark.parametrize("name", ["loss", "silence", "all"])
 def test_the_estimate_loses_what_the_missing_readings_carried_and_no_more(name: str) -> None:
     ours, ideal = [], []
     for seed in range(3):
