@@ -170,6 +170,15 @@ def _vehicle(commands: Commands[_Parser]) -> None:
     parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it stands, degrees and metres")
     parser.add_argument("--cruise-speed", metavar="M_S", type=POSITIVE, default=5.0, help="unless the mission says (5)")
     parser.add_argument("--seed", metavar="N", type=SEED, help="repeats a flight exactly")
+    parser.add_argument(
+        "--link-faults",
+        metavar="SPEC",
+        help="of all it sends and receives, e.g. loss=0.3,duplicate=0.1,reorder=0.1,corrupt=0.01,silence=2: shares of "
+        "the packets lost, doubled, overtaken or garbled; stranger=0.1: repeated under another system id; silence=S: "
+        "nothing passes for S seconds, again and again; wrap=S, reset=S: time_boot_ms starts at 0 again S seconds of "
+        "its time after its start, by overflow or as a reboot does (--seed repeats them)",
+    )
+    shared.signing_key(parser)
 
 
 def _bridge(commands: Commands[_Parser]) -> None:

@@ -14,6 +14,7 @@ from dslam_mav.commands.folder import flight_folder
 from dslam_mav.commands.outcome import show, write_report
 from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.signing import signing_from
 from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError, LogError
 from dslam_mav.mav.url import parse_url
@@ -28,7 +29,7 @@ ALTITUDE_M = 20.0
 def run(options: Namespace) -> int:
     """Fly; exit code 0 when sources were reconstructed."""
     screen = Screen(json_only=options.json)
-    setup = _set_up(options)
+    setup = _set_up(options, screen)
     for note in setup.notes:
         screen.warn(note)
     for note in setup.readings.notes:
@@ -44,7 +45,7 @@ def run(options: Namespace) -> int:
     return show(screen, outcome)
 
 
-def _set_up(options: Namespace) -> Setup:
+def _set_up(options: Namespace, screen: Screen) -> Setup:
     if options.connect and parse_url(options.connect).kind in ("udpin", "serial"):
         raise BadInputError(
             f"--connect {options.connect}: expected udpout or tcp: fly opens a connection each for ground "
@@ -64,7 +65,8 @@ def _set_up(options: Namespace) -> Setup:
             f"{options.plan}: {len(legs.vertices_m)} waypoints: expected 2 or more, to fly legs between"
         )
     readings = open_readings(options, places_m(mission), _speed_m_s(mission))
-    return Setup(mission, readings, assumptions_from(options, medium=readings.medium), name, notes)
+    assumptions = assumptions_from(options, medium=readings.medium)
+    return Setup(mission, readings, assumptions, name, notes, signing_from(options, screen))
 
 
 def _height_m(own: Readings) -> float:

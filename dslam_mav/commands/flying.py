@@ -33,6 +33,7 @@ from dslam_mav.mav.frames import (
 from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.transfer import start, upload
 from dslam_mav.mav.onboard import Onboard, Update
+from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
 from dslam_mav.records import Truth
 from sim_bridge.bridge import Bridge
@@ -54,6 +55,7 @@ class Setup:
     assumptions: Assumptions
     plan_name: str
     notes: tuple[str, ...] = ()
+    signing: Signing | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,8 +70,8 @@ class _Crew:
 def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outcome:
     """One flight, logged in `folder`. What ends it early once it has begun is in the outcome, not raised."""
     with ExitStack() as stack:
-        url = options.connect or stack.enter_context(_loopback(options, setup.mission))
-        ground = stack.enter_context(Link(url, system=SYSTEM_GROUND, component=COMPONENT_GROUND))
+        url = options.connect or stack.enter_context(_loopback(options, setup))
+        ground = stack.enter_context(_link(url, SYSTEM_GROUND, COMPONENT_GROUND, setup))
         system = wait_for_vehicle(ground, options.timeout)
         held = as_logged(_upload(ground, system, setup, screen))
         legs = leg_plan(held)
@@ -100,6 +102,10 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         )
 
 
+def _link(url: str, system: int, component: int, setup: Setup) -> Link:
+    return Link(url, system=system, component=component, signing=setup.signing)
+
+
 def _upload(ground: Link, system: int, setup: Setup, screen: Screen) -> Mission:
     with screen.progress("mission upload") as advance:
         held = upload(
@@ -121,7 +127,7 @@ def _crew(stack: ExitStack, url: str, system: int, setup: Setup, held: Mission, 
     collector = LegCollector(plan_facts(held), distance=setup.assumptions.distance)
     updates: list[Update] = []
     onboard = Onboard(
-        stack.enter_context(Link(url, system=system, component=COMPONENT_ESTIMATOR)),
+        stack.enter_context(_link(url, system, COMPONENT_ESTIMATOR, setup)),
         system,
         collector,
         estimator(setup.assumptions, collector, visible_plan(setup.assumptions, held)),
@@ -130,7 +136,7 @@ def _crew(stack: ExitStack, url: str, system: int, setup: Setup, held: Mission, 
         yaw=setup.assumptions.heading == "vehicle",
     )
     bridge = Bridge(
-        stack.enter_context(Link(url, system=system, component=COMPONENT_BRIDGE)),
+        stack.enter_context(_link(url, system, COMPONENT_BRIDGE, setup)),
         system,
         setup.readings.field,
         setup.readings.sampling,
@@ -210,6 +216,8 @@ def _missing(readings: Readings, bridge: Bridge) -> list[str]:
         lines.append(f"{readings.name}: {bridge.missing} readings left out, it has no value for that time or place")
     if bridge.sampler.skipped:
         lines.append(f"{readings.name}: {bridge.sampler.skipped} readings left out, faster than one a millisecond")
+    if bridge.sampler.unplaced:
+        lines.append(f"{readings.name}: {bridge.sampler.unplaced} readings left out, the vehicle's place was not heard")
     return lines
 
 
@@ -236,9 +244,11 @@ def _facts(setup: Setup, legs: LegPlan, sent: int) -> dict[str, str]:
 
 
 @contextmanager
-def _loopback(options: Namespace, mission: Mission) -> Iterator[str]:
+def _loopback(options: Namespace, setup: Setup) -> Iterator[str]:
     """A loopback vehicle of our own; the URL to reach it at."""
-    home = home_of(mission) or DEFAULT_HOME
-    vehicle = Vehicle(["udpin:127.0.0.1:0"], speedup=options.speedup, seed=options.seed or 0, home=home)
+    home = home_of(setup.mission) or DEFAULT_HOME
+    vehicle = Vehicle(
+        ["udpin:127.0.0.1:0"], speedup=options.speedup, seed=options.seed or 0, home=home, signing=setup.signing
+    )
     with background(vehicle.run, "vehicle"):
         yield vehicle.urls[0].replace("udpin", "udpout", 1)

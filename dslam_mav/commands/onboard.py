@@ -12,6 +12,7 @@ from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
 from dslam_mav.commands.outcome import Outcome, show
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.signing import signing_from
 from dslam_mav.commands.summary import under_way
 from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError, DslamError
@@ -22,6 +23,7 @@ from dslam_mav.mav.frames import COMPONENT_ESTIMATOR, COMPONENT_GROUND, SYSTEM_G
 from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mav.onboard import Onboard, Update
+from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import Mission, leg_plan
 from missions.plan_file import read_plan
 
@@ -33,7 +35,8 @@ def run(options: Namespace) -> int:
     out = Path(options.out)
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
-    held, system = _mission(options)
+    signing = signing_from(options, screen)
+    held, system = _mission(options, signing)
     mission = as_logged(held)
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
@@ -43,7 +46,7 @@ def run(options: Namespace) -> int:
         collector = LegCollector(plan_facts(mission), distance=assumptions.distance)
         updates: list[Update] = []
         stopped: DslamError | KeyboardInterrupt | None = None
-        with Link(options.connect, system=system, component=COMPONENT_ESTIMATOR) as link:
+        with Link(options.connect, system=system, component=COMPONENT_ESTIMATOR, signing=signing) as link:
             onboard = Onboard(
                 link,
                 system,
@@ -85,10 +88,10 @@ def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Scree
                     screen.follow(under_way(update.estimate, update.legs_flown, n_legs))
 
 
-def _mission(options: Namespace) -> tuple[Mission, int]:
+def _mission(options: Namespace, signing: Signing | None) -> tuple[Mission, int]:
     """The mission and the vehicle's system: from `--plan`, or as the vehicle holds it."""
     given = read_plan(Path(options.plan)).mission if options.plan else None
-    with Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND) as ground:
+    with Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND, signing=signing) as ground:
         system = wait_for_vehicle(ground, options.timeout)
         mission = download(ground, system) if given is None else given
     where = options.plan or f"vehicle {system}'s mission"

@@ -101,3 +101,13 @@ def vehicle_link(parser: argparse.ArgumentParser, *, required: bool = True, help
     parser.add_argument(
         "--timeout", metavar="S", type=POSITIVE, default=10.0, help="how long to wait for it (default: 10)"
     )
+    signing_key(parser)
+
+
+def signing_key(parser: argparse.ArgumentParser) -> None:
+    """The key for MAVLink's message signing; see `commands.signing`."""
+    parser.add_argument(
+        "--signing-key-file",
+        metavar="FILE",
+        help="sign all packets, and heed only those signed with the same key: 32 bytes as 64 hexadecimal digits",
+    )

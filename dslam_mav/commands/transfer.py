@@ -6,6 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.signing import signing_from
 from dslam_mav.mav.frames import COMPONENT_GROUND, SYSTEM_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.transfer import clear, download, start, upload
@@ -21,7 +22,7 @@ def run_upload(options: Namespace) -> int:
     plan = read_plan(Path(options.plan))
     for note in plan.notes:
         screen.warn(note)
-    with _ground(options) as link:
+    with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
         with screen.progress("mission upload") as advance:
             held = upload(
@@ -54,7 +55,7 @@ def run_upload(options: Namespace) -> int:
 def run_download(options: Namespace) -> int:
     """Fetch the vehicle's mission and write it to a file."""
     screen = Screen(json_only=options.json)
-    with _ground(options) as link:
+    with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
         mission = download(link, system)
     write_plan(Path(options.output), mission)
@@ -66,7 +67,7 @@ def run_download(options: Namespace) -> int:
 def run_clear(options: Namespace) -> int:
     """Make the vehicle forget its mission."""
     screen = Screen(json_only=options.json)
-    with _ground(options) as link:
+    with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
         clear(link, system)
     screen.say(f"Vehicle {system} holds no mission now")
@@ -74,5 +75,6 @@ def run_clear(options: Namespace) -> int:
     return 0
 
 
-def _ground(options: Namespace) -> Link:
-    return Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND)
+def _ground(options: Namespace, screen: Screen) -> Link:
+    signing = signing_from(options, screen)
+    return Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND, signing=signing)

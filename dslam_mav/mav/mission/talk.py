@@ -64,7 +64,8 @@ class Talk:
                 self._beat_s = now_s
             if now_s - self.heard_s > SILENCE_S:
                 what = f"disappeared{self.doing}" if self.heard else "does not answer"
-                raise LinkError(f"vehicle {self.system} on {self.link.url} {what}: nothing heard for {SILENCE_S:g} s")
+                silence = f"nothing heard for {SILENCE_S:g} s{self.link.refusals}"
+                raise LinkError(f"vehicle {self.system} on {self.link.url} {what}: {silence}")
             next_s = min(until_s, self._beat_s + HEARTBEAT_S, self.heard_s + SILENCE_S + 0.01)
             frame = self.link.receive(max(0.0, next_s - now_s))
             if frame is not None and self._is_ours(frame.message):
