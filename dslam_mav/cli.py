@@ -17,7 +17,7 @@ from types import FrameType
 from typing import NoReturn
 
 from dslam_mav.commands import options as shared
-from dslam_mav.commands.options import COUNT, POSITIVE, SEED
+from dslam_mav.commands.options import COUNT, POSITIVE, RECORDINGS, SEED
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
 from dslam_mav.errors import BadInputError, DslamError
@@ -211,8 +211,8 @@ def _replay(commands: Commands[_Parser]) -> None:
     parser = _add(
         commands, "replay", "the same estimator on a log's readings", "logs/latest/flight.mcap", ("replay", "run")
     )
-    parser.add_argument("log", metavar="LOG", help=".mcap or .tlog")
-    parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: the log's)")
+    parser.add_argument("log", metavar="LOG", help=RECORDINGS)
+    shared.recording(parser)
     parser.add_argument("--report", metavar="FILE", help="write the page too")
     shared.assumptions(parser)
 
@@ -221,11 +221,13 @@ def _report(commands: Commands[_Parser]) -> None:
     parser = _add(
         commands, "report", "one self-contained page on a flight", "logs/latest/flight.mcap", ("report", "run")
     )
-    parser.add_argument("logs", nargs="+", metavar="LOG", help=".mcap or .tlog")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help=RECORDINGS)
+    shared.recording(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="(default: beside the log)")
     shared.assumptions(parser)
 
 
 def _info(commands: Commands[_Parser]) -> None:
     parser = _add(commands, "info", "what is in a log", "logs/latest/flight.mcap", ("info", "run"))
-    parser.add_argument("log", metavar="LOG", help=".mcap")
+    parser.add_argument("log", metavar="LOG", help=RECORDINGS)
+    shared.columns(parser)

@@ -10,10 +10,9 @@ from typing import get_args
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import Distance, plan_facts
 from dslam_mav.log import reader
-from dslam_mav.mav.frames import parse_frame
 from dslam_mav.mission import DEGREES_E7, GLOBAL_FRAMES, Home, Mission, MissionItem, without_home_item
 from dslam_mav.records import Flight, Leg
-from dslam_mav.replay import flight_from_frames, flight_from_log
+from dslam_mav.replay import flight_from_log, flight_from_packets
 
 _MISSION_ATTACHMENT = "mission.waypoints"
 _CONFIGURATION_ATTACHMENT = "configuration.json"
@@ -78,10 +77,11 @@ def _flown(configuration: bytes) -> _Flown:
 
 
 def _legs(log: reader.FlightLog, name: str, mission: Mission | None, flown: _Flown) -> tuple[Leg, ...]:
-    frames = [frame for frame in (parse_frame(raw, received_ns) for received_ns, raw in log.frames) if frame]
     plan = None if mission is None else plan_facts(mission)
     try:
-        return flight_from_frames(frames, name, plan=plan, distance=flown.distance, system=flown.system).flight.legs
+        return flight_from_packets(
+            log.frames, name, plan=plan, distance=flown.distance, system=flown.system
+        ).flight.legs
     except BadInputError:  # says what is lacking for legs; all else in the log is worth having without them
         return ()
 

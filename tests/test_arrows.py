@@ -19,7 +19,7 @@ TOPS = ("dslam_mav", "missions", "sim_bridge")
 BASE = "errors mission observations records"
 SEEN = "errors observations records"  # legs are made of these alone: GPS-denied, so no mission with its places
 LEGS = f"{BASE} legs legs.plan"
-ALL = f"{LEGS} assumed assumptions dslam experiments files log mav missions replay report sim_bridge sim_bridge.fields"
+ALL = f"{LEGS} assumed assumptions dslam experiments files log mav missions recordings replay report series sim_bridge sim_bridge.fields"
 
 # room: (rooms of ours it may import besides itself, packages of others it may import); a room may have one within
 HOUSE = {
@@ -39,12 +39,14 @@ HOUSE = {
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
     "experiments.pictures": ("records experiments", "numpy matplotlib"),
     "assumed": (f"{LEGS} assumptions dslam", "numpy"),
+    "series": ("errors records", "numpy"),
+    "recordings": (f"{LEGS} log mav replay series", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
     "flight_log": (f"{LEGS} log mav replay", ""),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
     "missions": (f"{BASE} dslam files", "numpy scipy"),
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
-    "sim_bridge.fields": (f"{BASE} dslam log mav", "numpy scipy msgspec"),
+    "sim_bridge.fields": (f"{BASE} dslam log mav series", "numpy scipy msgspec"),
     "sim_bridge.loopback": (f"{BASE} mav", "numpy"),
     "commands": (ALL, "rich numpy"),
     "cli": ("errors commands", ""),

@@ -12,12 +12,15 @@ from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, reco
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, logged_mission
 from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.errors import BadInputError
-from dslam_mav.legs import plan_facts
 from dslam_mav.log.reader import FlightLog, read_log
+from dslam_mav.log.topics import ESTIMATE, RAW, TRUTH
 from dslam_mav.mission import Mission
+from dslam_mav.recordings import Assumed, OurLog, Recording, kind_of, open_recording, our_log
 from dslam_mav.records import Truth
-from dslam_mav.replay import Replayed, flight_from_log
+from dslam_mav.replay import Replayed
 from missions.plan_file import read_plan
+
+_TOPICS = (RAW, ESTIMATE, TRUTH)  # all that is used here; an hour's readings take a second to decode
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,44 +40,30 @@ class Logged:
 
 
 def open_logged(path: Path, options: Namespace) -> Logged:
-    """Read a log (.mcap or .tlog) under the options' assumptions, over those it was recorded with."""
-    log = None if path.suffix.lower() == ".tlog" or not _begins_as_mcap(path) else read_log(path)
+    """Read a recording under the options' assumptions, over those it was recorded with."""
+    log = read_log(path, _TOPICS) if kind_of(path) == "mcap" else None
     recorded = None
     if log is not None and CONFIGURATION_ATTACHMENT in log.attachments:
         recorded = recorded_configuration(log.attachments[CONFIGURATION_ATTACHMENT], str(path))
-    mission = _mission(path, log, recorded, getattr(options, "plan", None))
     base = None if recorded is None else recorded.assumptions
     assumptions = assumptions_from(options, base=base)
-    replayed = flight_from_log(
-        path,
-        plan=None if mission is None else plan_facts(mission),
-        distance=assumptions.distance,
-        yaw=assumptions.heading == "vehicle",
-        system=None if recorded is None else recorded.vehicle_system,
-    )
+    columns = getattr(options, "columns", None)
+    recording = open_recording(path, columns) if log is None else our_log(path, log, columns)
+    mission = _mission(path, recording, recorded, getattr(options, "plan", None))
+    system = None if recorded is None else recorded.vehicle_system
+    replayed = recording.flight(mission, Assumed(assumptions.distance, assumptions.heading == "vehicle", system))
     truth = None if log is None else log.truth
     return Logged(path, replayed, mission, assumptions, truth, log, assumptions != base)
 
 
-def _begins_as_mcap(path: Path) -> bool:
-    """Whether it is to be read as our log: whatever is not there or not readable is left to the reader to refuse."""
-    if path.suffix.lower() == ".mcap":
-        return True
-    try:
-        with path.open("rb") as file:
-            return file.read(5) == b"\x89MCAP"
-    except OSError:
-        return False
-
-
-def _mission(path: Path, log: FlightLog | None, recorded: Recorded | None, plan: str | None) -> Mission | None:
+def _mission(path: Path, recording: Recording, recorded: Recorded | None, plan: str | None) -> Mission | None:
     if plan is not None:
         return read_plan(Path(plan)).mission
-    if log is None or MISSION_ATTACHMENT not in log.attachments:
-        return None
+    if not isinstance(recording, OurLog) or MISSION_ATTACHMENT not in recording.log.attachments:
+        return recording.mission
     name = f"{path}: attachment {MISSION_ATTACHMENT}"
     home_item = recorded is None or recorded.home_item
-    return logged_mission(log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
+    return logged_mission(recording.log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
 
 
 def estimate_again(logged: Logged) -> Outcome:
@@ -92,7 +81,7 @@ def estimate_again(logged: Logged) -> Outcome:
 def outcome_of(logged: Logged) -> Outcome:
     """The flight's outcome, still without an estimate."""
     replayed = logged.replayed
-    warnings = list(replayed.collector.notes(replayed.legs))
+    warnings = [*replayed.notes, *replayed.collector.notes(replayed.legs)]
     if logged.log is not None and not logged.log.complete:
         warnings.insert(0, f"{logged.path}: the log is cut short or damaged; what could be read is used")
     modes = {leg.mode for leg in replayed.legs}

@@ -27,6 +27,8 @@ def number(
     return parse
 
 
+RECORDINGS = ".mcap, .tlog, ArduPilot's .bin, or .csv"
+
 POSITIVE = number(float, 0.0, "a positive number", above=True)
 NOT_NEGATIVE = number(float, 0.0, "0 or more")
 ANY = number(float, -1e300, "a number")
@@ -64,6 +66,22 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
         help="one fit over all readings, or the paper's algebra (default: joint)",
     )
     group.add_argument("--seed", metavar="N", type=SEED, help="of the search, the noise and the vehicle")
+
+
+def recording(parser: argparse.ArgumentParser) -> None:
+    """What a recording somebody else made does not say of itself."""
+    parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: the log's)")
+    columns(parser)
+
+
+def columns(parser: argparse.ArgumentParser) -> None:
+    """Where the columns of a CSV file are called otherwise."""
+    parser.add_argument(
+        "--columns",
+        metavar="LIST",
+        help="of a CSV: FIELD=NAME[*FACTOR][:UNIT],… with FIELD time_s, value, east_m or north_m, "
+        "e.g. time_s=Time:ms,value=Gas*-1,east_m=X,north_m=Y",
+    )
 
 
 def source_of_readings(parser: argparse.ArgumentParser) -> None:

@@ -154,14 +154,15 @@ def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     senders: defaultdict[str, set[int]] = defaultdict(set)
     for name, component in samples.readings:
         senders[name].add(component)
-    values: defaultdict[int, list[float]] = defaultdict(list)
-    for (name, component), taken in sorted(samples.readings.items()):
-        if component != AUTOPILOT or senders[name] == {AUTOPILOT}:
-            for time_ms, value in taken.items():
-                values[time_ms].append(value)
-    times = sorted(values)
-    means = [sum(values[t]) / len(values[t]) for t in times]
-    return np.array(times, dtype=np.int64), np.array(means, dtype=np.float64)
+    kept = [
+        taken for (name, component), taken in sorted(samples.readings.items())
+        if component != AUTOPILOT or senders[name] == {AUTOPILOT}
+    ]  # fmt: skip
+    times = np.array([t for taken in kept for t in taken], dtype=np.int64)
+    values = np.array([v for taken in kept for v in taken.values()], dtype=np.float64)
+    order = np.argsort(times, kind="stable")
+    unique, first, count = np.unique(times[order], return_index=True, return_counts=True)
+    return unique, (np.add.reduceat(values[order], first) / count if times.size else values)
 
 
 def _choose(

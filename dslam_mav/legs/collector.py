@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,12 +76,19 @@ class LegCollector:
             self._add(observation)
             return self._complete()
 
+    def add_all(self, observations: Iterable[Observation]) -> None:
+        """Take a whole recording, in its order."""
+        with self._lock:
+            for observation in observations:
+                self._add(observation)
+            self._complete()
+
     def _add(self, observation: Observation) -> None:
         match observation:
-            case Progress():
-                self._progress(observation)
             case Reading():
                 self._reading(observation)
+            case Progress():
+                self._progress(observation)
             case Odometry():
                 self._odometry(observation)
             case GroundSpeed():
