@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
-    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info):
+    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _export):
         add(commands)
     add_paper(commands, argparse.RawDescriptionHelpFormatter)
     return parser
@@ -231,3 +231,12 @@ def _info(commands: Commands[_Parser]) -> None:
     parser = _add(commands, "info", "what is in a log", "logs/latest/flight.mcap", ("info", "run"))
     parser.add_argument("log", metavar="LOG", help=RECORDINGS)
     shared.columns(parser)
+
+
+def _export(commands: Commands[_Parser]) -> None:
+    parser = _add(
+        commands, "export", "take readings, packets or the answer out of a log",
+        "logs/latest/flight.mcap --to geojson -o sources.geojson", ("export", "run"),
+    )  # fmt: skip
+    parser.add_argument("log", metavar="LOG", help=RECORDINGS)
+    shared.export(parser)

@@ -19,7 +19,10 @@ TOPS = ("dslam_mav", "missions", "sim_bridge")
 BASE = "errors mission observations records"
 SEEN = "errors observations records"  # legs are made of these alone: GPS-denied, so no mission with its places
 LEGS = f"{BASE} legs legs.plan"
-ALL = f"{LEGS} assumed assumptions dslam experiments files log mav missions recordings replay report series sim_bridge sim_bridge.fields"
+ALL = (
+    f"{LEGS} assumed assumptions dslam experiments export files log mav missions recordings replay report series "
+    "sim_bridge sim_bridge.fields"
+)
 
 # room: (rooms of ours it may import besides itself, packages of others it may import); a room may have one within
 HOUSE = {
@@ -35,6 +38,7 @@ HOUSE = {
     "dslam.paper": ("records dslam", "numpy scipy"),
     "mav": (LEGS, "pymavlink numpy"),
     "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove_schemas_protobuf zstandard numpy"),
+    "export": (f"{BASE} legs", "numpy pymap3d pyarrow"),
     "report": (f"{BASE} dslam", "jinja2 rich numpy"),
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
     "experiments.pictures": ("records experiments", "numpy matplotlib"),

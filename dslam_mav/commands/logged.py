@@ -11,6 +11,7 @@ from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, logged_mission
 from dslam_mav.commands.outcome import Outcome, truth_of
+from dslam_mav.commands.settings import with_settings
 from dslam_mav.errors import BadInputError
 from dslam_mav.log.reader import FlightLog, read_log
 from dslam_mav.log.topics import ESTIMATE, RAW, TRUTH
@@ -46,7 +47,8 @@ def open_logged(path: Path, options: Namespace) -> Logged:
     if log is not None and CONFIGURATION_ATTACHMENT in log.attachments:
         recorded = recorded_configuration(log.attachments[CONFIGURATION_ATTACHMENT], str(path))
     base = None if recorded is None else recorded.assumptions
-    assumptions = assumptions_from(options, base=base)
+    asked = assumptions_from(options, base=base) if "sources" in options else base or Assumptions()
+    assumptions = with_settings(asked, getattr(options, "set", None) or ())
     columns = getattr(options, "columns", None)
     recording = open_recording(path, columns) if log is None else our_log(path, log, columns)
     mission = _mission(path, recording, recorded, getattr(options, "plan", None))

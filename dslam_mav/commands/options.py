@@ -84,6 +84,25 @@ def columns(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def settings(parser: argparse._ActionsContainer, help_text: str) -> None:
+    """Assumptions changed one by one; see `commands.settings`."""
+    parser.add_argument("--set", metavar="KEY=VALUE", action="append", help=help_text)
+
+
+def export(parser: argparse.ArgumentParser) -> None:
+    """What is taken out of a log, and where an answer lies on the map."""
+    formats = ("csv", "tlog", "parquet", "kml", "geojson")
+    parser.add_argument("--to", required=True, choices=formats, help="readings, raw packets, readings, or maps")
+    parser.add_argument("-o", "--output", metavar="OUT", help="(default: beside the log)")
+    parser.add_argument("--overwrite", action="store_true", help="replace OUT if it is there")
+    recording(parser)
+    settings(parser, "an assumption of the answer, repeatable; see replay --help (default: the log's own answer)")
+    place = parser.add_argument_group("place of a map's answer (default: the plan's)")
+    place.add_argument("--home", metavar="LAT,LON", help="degrees; without a plan where leg 1 begins")
+    place.add_argument("--heading", metavar="DEG", type=ANY, help="of leg 1, clockwise from north")
+    place.add_argument("--turn", choices=("left", "right"), help="side of the first turn (unknown: both are exported)")
+
+
 def source_of_readings(parser: argparse.ArgumentParser) -> None:
     """Where a simulated sensor's readings come from; see `commands.readings`."""
     group = parser.add_argument_group("readings")

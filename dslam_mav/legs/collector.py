@@ -15,7 +15,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.legs.assembly import Event, FlownLeg, Samples, assemble
+from dslam_mav.legs.assembly import Event, FlownLeg, Samples, assemble, readings_of
 from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.distance import Distance
 from dslam_mav.legs.plan import PlanFacts
@@ -109,6 +109,11 @@ class LegCollector:
     def flight(self, final: bool = False) -> Flight:
         """The flight of `legs`: see `flight_of`."""
         return flight_of(self.legs(final=final))
+
+    def readings(self) -> tuple[NDArray[np.int64], Array]:
+        """Times (N,), unwrapped ms, and values (N,) of all readings taken, on legs or not."""
+        with self._lock:
+            return readings_of(self._samples)
 
     def notes(self, legs: tuple[FlownLeg, ...]) -> tuple[str, ...]:
         """What a person should know of these legs' readings, one line each."""

@@ -164,7 +164,7 @@ class _Contents:
 
     def _chunk(self, chunk: Chunk, *, ours: bool) -> None:
         counts, use = self._counts, self._use
-        for channel, time_ns, data in self._messages(chunk.records):
+        for channel, time_ns, start, end in self._messages(chunk.records):
             if channel not in use:
                 self._learn(channel, ours=ours)
             counts[channel] += 1
@@ -174,7 +174,7 @@ class _Contents:
             do = use[channel]
             if do is not None:
                 try:
-                    do(time_ns, data)
+                    do(time_ns, chunk.records[start:end])
                 except (
                     DecodeError,
                     ValueError,
@@ -183,8 +183,8 @@ class _Contents:
                 ):  # whole, but not what the topic promises
                     self._unreadable += 1
 
-    def _messages(self, records: bytes) -> Iterator[tuple[int, int, bytes]]:
-        """(channel, log time, protobuf) of a chunk's messages; schemas and channels are kept on the way."""
+    def _messages(self, records: bytes) -> Iterator[tuple[int, int, int, int]]:
+        """(channel, log time, begin and end of its protobuf) of a chunk's messages; schemas and channels are kept."""
         at, unpack = 0, _MESSAGE.unpack_from
         while at < len(records):
             opcode, length = _RECORD.unpack_from(records, at)
@@ -193,7 +193,7 @@ class _Contents:
                 raise ValueError("a record ends behind its chunk")
             if opcode == Opcode.MESSAGE:
                 _, _, channel, _, time_ns, _ = unpack(records, at)
-                yield channel, time_ns, records[at + _MESSAGE.size : end]
+                yield channel, time_ns, at + _MESSAGE.size, end
             elif opcode == Opcode.SCHEMA:
                 schema = Schema.read(_stream(records, at, end))
                 self._schemas[schema.id] = schema

@@ -7,10 +7,9 @@ here only the few fields that pass the gate are unpacked. Signed packets, and wh
 from __future__ import annotations
 
 import struct
+from binascii import crc_hqx
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
-
-from pymavlink.generator.mavcrc import x25crc
 
 from dslam_mav.mav.decode import READING_NAME, decode
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, COMPONENT_ESTIMATOR, Frame, messages, parse_frame
@@ -20,6 +19,7 @@ Stored = tuple[int, bytes]
 """(nanoseconds since 1970, packet)."""
 
 _HEADER_BYTES = 10
+_MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 MARKER = 0xFD
 _THERMAL = READING_NAME.encode()
 _Make = Callable[[tuple[Any, ...], int], "Observation | None"]
@@ -46,14 +46,14 @@ class Gate:
     def __init__(self, system: int, *, yaw: bool) -> None:
         self._system = system
         self._yaw = yaw
-        self._kinds: dict[int, tuple[struct.Struct, int, _Make]] = {}
+        self._kinds: dict[int, tuple[struct.Struct, bytes, _Make]] = {}
         dialect = messages()
         for name, (layout, make) in _FROM_AUTOPILOT.items():
             if yaw or name != "ATTITUDE":
                 number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-                self._kinds[number] = (struct.Struct(layout), dialect.mavlink_map[number].crc_extra, make)
+                self._kinds[number] = (struct.Struct(layout), bytes((dialect.mavlink_map[number].crc_extra,)), make)
         self._reading_id = dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT
-        extra = dialect.mavlink_map[self._reading_id].crc_extra
+        extra = bytes((dialect.mavlink_map[self._reading_id].crc_extra,))
         self._kinds[self._reading_id] = (struct.Struct("<If10s"), extra, _reading)
 
     def observations(self, packets: Iterable[Stored]) -> Iterator[Observation]:
@@ -75,7 +75,7 @@ class Gate:
             return self._the_long_way(raw, received_ns)
         heard = component != COMPONENT_ESTIMATOR if number == self._reading_id else component == COMPONENT_AUTOPILOT
         layout, extra, make = kind
-        if not heard or _checksum(raw[1:-2] + bytes((extra,))) != raw[-2] | raw[-1] << 8:
+        if not heard or not _whole(raw, extra):
             return None
         payload = raw[_HEADER_BYTES:-2]
         if len(payload) < layout.size:  # trailing zeros are cut off on the wire
@@ -90,8 +90,10 @@ class Gate:
         return None if frame is None else decode(frame, self._system, yaw=self._yaw)
 
 
-def _checksum(data: bytes) -> int:
-    return int(x25crc(data).crc)  # type: ignore[no-untyped-call]
+def _whole(raw: bytes, extra: bytes) -> bool:
+    """Whether a packet's checksum holds: CRC-16/MCRF4XX, the mirror image of the standard library's CRC."""
+    mirrored = crc_hqx((raw[1:-2] + extra).translate(_MIRRORED), 0xFFFF)
+    return _MIRRORED[mirrored >> 8] == raw[-2] and _MIRRORED[mirrored & 255] == raw[-1]
 
 
 def system_frames(packets: Iterable[Stored]) -> Iterator[Frame]:
