@@ -214,6 +214,7 @@ def _replay(commands: Commands[_Parser]) -> None:
     parser.add_argument("log", metavar="LOG", help=RECORDINGS)
     shared.recording(parser)
     parser.add_argument("--report", metavar="FILE", help="write the page too")
+    shared.settings(parser, "change one assumption, repeatable: writes LOG.set-N.mcap, shows both answers")
     shared.assumptions(parser)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dslam_mav.commands.logged import Logged, estimate_again, open_logged
+from dslam_mav.commands.logged import Logged, as_flown, open_logged
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.vehicle import parse_home
 from dslam_mav.dslam.scoring import has_positions
@@ -89,9 +89,7 @@ def _in_words(found: list[Solution]) -> str:
 
 
 def _estimate(logged: Logged) -> Estimate:
-    """The answer the flight ended with, where the log has it and nothing else is assumed now; else a fresh one."""
-    final = [e.estimate for e in logged.log.estimates if e.final] if logged.log is not None else []
-    estimate = final[-1] if final and not logged.assumed_anew else estimate_again(logged).estimate
+    estimate = as_flown(logged).estimate
     if estimate is None or not has_positions(estimate):
         reason = "" if estimate is None else estimate.reason
         raise BadInputError(f"{logged.path}: there is no position to export: {reason}")

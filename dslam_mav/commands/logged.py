@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
@@ -16,10 +19,14 @@ from dslam_mav.errors import BadInputError
 from dslam_mav.log.reader import FlightLog, read_log
 from dslam_mav.log.topics import ESTIMATE, RAW, TRUTH
 from dslam_mav.mission import Mission
-from dslam_mav.recordings import Assumed, OurLog, Recording, kind_of, open_recording, our_log
+from dslam_mav.recordings import Assumed, Recording, kind_of, open_recording, our_log
 from dslam_mav.records import Truth
 from dslam_mav.replay import Replayed
 from missions.plan_file import read_plan
+
+PROVENANCE_ATTACHMENT = "provenance.json"
+RECORDING_ATTACHMENT = "recording"
+"""Followed by the ending of a file of others that a log was made of."""
 
 _TOPICS = (RAW, ESTIMATE, TRUTH)  # all that is used here; an hour's readings take a second to decode
 
@@ -37,6 +44,8 @@ class Logged:
     assumptions: Assumptions
     truth: Truth | None
     log: FlightLog | None
+    recording: Recording
+    recorded: Recorded | None = None
     assumed_anew: bool = False
 
 
@@ -50,22 +59,38 @@ def open_logged(path: Path, options: Namespace) -> Logged:
     asked = assumptions_from(options, base=base) if "sources" in options else base or Assumptions()
     assumptions = with_settings(asked, getattr(options, "set", None) or ())
     columns = getattr(options, "columns", None)
-    recording = open_recording(path, columns) if log is None else our_log(path, log, columns)
-    mission = _mission(path, recording, recorded, getattr(options, "plan", None))
+    recording = open_recording(path, columns) if log is None else _ours(path, log, columns)
+    mission = _mission(path, log, recording, recorded, getattr(options, "plan", None))
     system = None if recorded is None else recorded.vehicle_system
     replayed = recording.flight(mission, Assumed(assumptions.distance, assumptions.heading == "vehicle", system))
     truth = None if log is None else log.truth
-    return Logged(path, replayed, mission, assumptions, truth, log, assumptions != base)
+    return Logged(path, replayed, mission, assumptions, truth, log, recording, recorded, assumptions != base)
 
 
-def _mission(path: Path, recording: Recording, recorded: Recorded | None, plan: str | None) -> Mission | None:
+def _ours(path: Path, log: FlightLog, columns: str | None) -> Recording:
+    """What a log of ours was recorded from: its packets, or the file of others it was made of."""
+    name = next((name for name in log.attachments if name.startswith(RECORDING_ATTACHMENT)), None)
+    if name is None:
+        return our_log(path, log, columns)
+    if columns is None:
+        with contextlib.suppress(ValueError):
+            columns = json.loads(log.attachments.get(PROVENANCE_ATTACHMENT, b"{}")).get("columns")
+    with TemporaryDirectory() as folder:
+        held = Path(folder) / name
+        held.write_bytes(log.attachments[name])
+        return open_recording(held, columns)
+
+
+def _mission(
+    path: Path, log: FlightLog | None, recording: Recording, recorded: Recorded | None, plan: str | None
+) -> Mission | None:
     if plan is not None:
         return read_plan(Path(plan)).mission
-    if not isinstance(recording, OurLog) or MISSION_ATTACHMENT not in recording.log.attachments:
+    if log is None or MISSION_ATTACHMENT not in log.attachments:
         return recording.mission
     name = f"{path}: attachment {MISSION_ATTACHMENT}"
     home_item = recorded is None or recorded.home_item
-    return logged_mission(recording.log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
+    return logged_mission(log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
 
 
 def estimate_again(logged: Logged) -> Outcome:
@@ -78,6 +103,15 @@ def estimate_again(logged: Logged) -> Outcome:
     except BadInputError as problem:
         raise BadInputError(f"{logged.path}: {problem}") from None
     return outcome_of(logged).with_estimate(result)
+
+
+def as_flown(logged: Logged) -> Outcome:
+    """The answer the flight ended with, where the log has it and nothing else is assumed now; else a fresh one."""
+    final = [e for e in logged.log.estimates if e.final] if logged.log is not None else []
+    same = final and final[-1].estimate.residual.size == logged.replayed.flight.n_readings
+    if same and not logged.assumed_anew:
+        return outcome_of(logged).with_estimate(final[-1].estimate)
+    return estimate_again(logged)
 
 
 def outcome_of(logged: Logged) -> Outcome:
