@@ -46,7 +46,7 @@ HOUSE = {
     "series": ("errors records", "numpy"),
     "recordings": (f"{LEGS} log mav replay series", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
-    "flight_log": (f"{LEGS} log mav replay", ""),
+    "flight_log": (f"{LEGS} export log mav recordings replay", "numpy pandas"),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
     "missions": (f"{BASE} dslam files", "numpy scipy"),
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
