@@ -14,7 +14,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,26 +53,15 @@ class DataFlash:
 
 def read_dataflash(path: Path) -> DataFlash:
     """The log at `path`; BadInputError in one line for what cannot be read. Damaged records are left out."""
-    observations: list[Observation] = []
-    commands = _Commands()
-    names: set[str] = set()
-    counts: Counter[str] = Counter()
-    times_us: list[int] = []
-    kinds = _Kinds()
-    for record in _records(path):
-        kind = record.get_type()
-        counts[kind] += 1
-        times_us.append(int(record.TimeUS))
-        if kind == "CMD":
-            commands.take(record)
-        elif kind == "NVAL":
-            names.add(str(record.Name))
-        observation = kinds.observation(kind, record)
-        if observation is not None:
-            observations.append(observation)
-    duration_s = (max(times_us) - min(times_us)) / 1e6 if times_us else 0.0
+    contents = _Contents()
+    _use_records(path, contents.take)
+    duration_s = (contents.last_us - (contents.first_us or 0)) / 1e6
     return DataFlash(
-        tuple(observations), commands.mission(), tuple(sorted(names)), dict(sorted(counts.items())), duration_s
+        tuple(contents.observations),
+        contents.commands.mission(),
+        tuple(sorted(contents.names)),
+        dict(sorted(contents.counts.items())),
+        duration_s,
     )
 
 
@@ -88,6 +77,32 @@ def lack(log: DataFlash) -> str | None:
     if Odometry not in kinds:
         return "no XKF1 records: the distance flown cannot be told"
     return None
+
+
+class _Contents:
+    """What is kept of the records, one after the other."""
+
+    def __init__(self) -> None:
+        self.observations: list[Observation] = []
+        self.commands = _Commands()
+        self.names: set[str] = set()
+        self.counts: Counter[str] = Counter()
+        self.first_us: int | None = None
+        self.last_us = 0
+        self._kinds = _Kinds()
+
+    def take(self, record: Any) -> None:
+        kind, time_us = record.get_type(), int(record.TimeUS)
+        self.counts[kind] += 1
+        self.first_us = time_us if self.first_us is None else min(self.first_us, time_us)
+        self.last_us = max(self.last_us, time_us)
+        if kind == "CMD":
+            self.commands.take(record)
+        elif kind == "NVAL":
+            self.names.add(str(record.Name))
+        observation = self._kinds.observation(kind, record)
+        if observation is not None:
+            self.observations.append(observation)
 
 
 class _Kinds:
@@ -146,14 +161,21 @@ class _Commands:
         return Mission(tuple(self._items[number] for number in range(self._total)))
 
 
-def _records(path: Path) -> Iterator[Any]:
-    """The records used, whole ones only. The reader complains of bad bytes on standard error: not here."""
+class _Reader(DFReader.DFReader_binary):  # type: ignore[misc]
+    """pymavlink's reader; the compiled indexer writes of every bad byte to the terminal, the other to `sys.stderr`."""
+
+    def init_arrays_fast(self, progress_callback: Any = None) -> None:
+        self.init_arrays(progress_callback)  # type: ignore[no-untyped-call]
+
+
+def _use_records(path: Path, use: Callable[[Any], None]) -> None:
+    """Every record used, whole ones only. What the reader says of bad bytes is not for the person at the terminal."""
     try:
         with contextlib.redirect_stderr(io.StringIO()):
-            reader: Any = DFReader.DFReader_binary(str(path))  # type: ignore[no-untyped-call]
+            reader: Any = _Reader(str(path))  # type: ignore[no-untyped-call]
             while (record := reader.recv_match(type=list(_USED), strict=True)) is not None:
-                if record.get_type() in _USED and hasattr(record, "TimeUS"):
-                    yield record
+                if record.get_type() in _USED and "TimeUS" in record.get_fieldnames():
+                    use(record)
     except OSError as problem:
         raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
     except Exception as problem:  # the library raises whatever a broken file makes it raise
