@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 from typing import Any
 
@@ -48,9 +47,9 @@ def dataflash(
 ) -> bytes:
     """The flight as the vehicle's own log has it; `places` (lat, lon · 1e7) are its mission's, item 0 home.
 
-    The records matching `drop` are left out. POS is nonsense: nobody may read it.
+    POS is nonsense: nobody may read it.
     """
-    out = formats()
+    out = bytearray(formats())
     total = len(places or ())
     for number, (lat, lon) in enumerate(places or ()):
         out += record("CMD", 1000, total, number, 16, 0, 0, 0, 0, lat, lon, 10.0, 3 if number else 0)
@@ -77,4 +76,4 @@ def dataflash(
             case _:
                 each = record("MSG", now_us, b"EKF3 IMU0 is using GPS")
         out += each
-    return re.sub(drop.encode("latin-1"), b"", out, flags=re.DOTALL) if drop else out
+    return bytes(out)

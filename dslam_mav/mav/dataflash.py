@@ -161,7 +161,7 @@ class _Commands:
         return Mission(tuple(self._items[number] for number in range(self._total)))
 
 
-class _Reader(DFReader.DFReader_binary):  # type: ignore[misc]
+class _Reader(DFReader.DFReader_binary):
     """pymavlink's reader; the compiled indexer writes of every bad byte to the terminal, the other to `sys.stderr`."""
 
     def init_arrays_fast(self, progress_callback: Any = None) -> None:
