@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.errors import BadInputError
-from dslam_mav.legs import Distance, LegCollector, plan_facts
+from dslam_mav.legs import Distance, LegCollector, PlanFacts, plan_facts
 from dslam_mav.legs.places import NEAR_SHARE, passes, straight_pieces
 from dslam_mav.log.reader import FlightLog
 from dslam_mav.mav import dataflash
@@ -36,11 +36,22 @@ from dslam_mav.series import Series, read_csv
 
 @dataclass(frozen=True, slots=True)
 class Assumed:
-    """What a person says of a recording: as `LegCollector` and `decode` take it; `system` None is found out."""
+    """What a person says of a recording: as `LegCollector` and `decode` take it; `system` None is found out. `planned`:
+    the plan's directions are used.
+    """
 
     distance: Distance | None = None
     yaw: bool = False
     system: int | None = None
+    planned: bool = False
+
+    def plan(self, mission: Mission | None, held: Mission | None) -> PlanFacts | None:
+        """What legs may know of the mission. One that the recording itself `held` is not needed to tell legs apart, and
+        has none from where a rover starts to its first waypoint: it is used where nothing else will do.
+        """
+        if mission is None or (mission is held and not self.planned and self.distance != "plan"):
+            return None
+        return plan_facts(mission)
 
 
 class Recording(Protocol):
@@ -116,7 +127,7 @@ class Telemetry:
 
     def flight(self, mission: Mission | None, assumed: Assumed) -> Replayed:
         """The flight in its frames."""
-        plan = None if mission is None else plan_facts(mission)
+        plan = assumed.plan(mission, self.mission)
         return flight_from_frames(
             self.frames, str(self.path), plan=plan,
             distance=assumed.distance, yaw=assumed.yaw, system=assumed.system,
@@ -141,7 +152,7 @@ class OnBoard:
         lack = dataflash.lack(self.log)
         if lack is not None:
             raise BadInputError(f"{self.path}: {lack}")
-        plan = None if mission is None else plan_facts(mission)
+        plan = assumed.plan(mission, self.mission)
         seen = [o for o in self.log.observations if assumed.yaw or not isinstance(o, Yaw)]
         return flight_from_observations(
             seen, str(self.path), plan=plan, distance=assumed.distance, heard=lambda: self.log.names

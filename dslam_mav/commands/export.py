@@ -24,7 +24,7 @@ from dslam_mav.files import write_whole
 from dslam_mav.log.reader import read_log
 from dslam_mav.log.topics import RAW
 from dslam_mav.mav.tlog import read_tlog, tlog_bytes
-from dslam_mav.mission import Home, leg_plan
+from dslam_mav.mission import Home, LegPlan, has_home_item, leg_plan
 from dslam_mav.mission import home_of as home_of_mission
 from dslam_mav.recordings import kind_of
 from dslam_mav.records import Estimate
@@ -124,6 +124,10 @@ def _planned(logged: Logged, home: Home) -> Anchor | None:
     """Leg 1 as the plan has it."""
     plan = leg_plan(logged.mission) if logged.mission is not None else None
     start = logged.replayed.legs[0].start_seq
+    if (
+        logged.mission is not None and plan is not None and start == 0 and has_home_item(logged.mission)
+    ):  # a rover's first leg begins at home
+        plan = LegPlan((0, *plan.sequence), np.vstack([np.zeros(2), plan.vertices_m]))
     if plan is None or start not in plan.sequence[:-1]:
         return None
     first = plan.sequence.index(start)

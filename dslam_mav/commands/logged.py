@@ -62,7 +62,8 @@ def open_logged(path: Path, options: Namespace) -> Logged:
     recording = open_recording(path, columns) if log is None else _ours(path, log, columns)
     mission = _mission(path, log, recording, recorded, getattr(options, "plan", None))
     system = None if recorded is None else recorded.vehicle_system
-    replayed = recording.flight(mission, Assumed(assumptions.distance, assumptions.heading == "vehicle", system))
+    heading = assumptions.heading
+    replayed = recording.flight(mission, Assumed(assumptions.distance, heading == "vehicle", system, heading == "plan"))
     truth = None if log is None else log.truth
     return Logged(path, replayed, mission, assumptions, truth, log, recording, recorded, assumptions != base)
 

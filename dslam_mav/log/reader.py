@@ -185,16 +185,21 @@ class _Contents:
 
     def _messages(self, records: bytes) -> Iterator[tuple[int, int, int, int]]:
         """(channel, log time, begin and end of its protobuf) of a chunk's messages; schemas and channels are kept."""
-        at, unpack = 0, _MESSAGE.unpack_from
-        while at < len(records):
+        at, unpack, size, last = 0, _MESSAGE.unpack_from, len(records), len(records) - _MESSAGE.size
+        while at < size:
+            if at <= last and records[at] == Opcode.MESSAGE:
+                _, length, channel, _, time_ns, _ = unpack(records, at)
+                end = at + _RECORD.size + length
+                if end > size:
+                    raise ValueError("a record ends behind its chunk")
+                yield channel, time_ns, at + _MESSAGE.size, end
+                at = end
+                continue
             opcode, length = _RECORD.unpack_from(records, at)
             end = at + _RECORD.size + length
-            if end > len(records):
+            if end > size or opcode == Opcode.MESSAGE:
                 raise ValueError("a record ends behind its chunk")
-            if opcode == Opcode.MESSAGE:
-                _, _, channel, _, time_ns, _ = unpack(records, at)
-                yield channel, time_ns, at + _MESSAGE.size, end
-            elif opcode == Opcode.SCHEMA:
+            if opcode == Opcode.SCHEMA:
                 schema = Schema.read(_stream(records, at, end))
                 self._schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
