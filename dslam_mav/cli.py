@@ -17,7 +17,7 @@ from types import FrameType
 from typing import NoReturn
 
 from dslam_mav.commands import options as shared
-from dslam_mav.commands.options import COUNT, POSITIVE, SEED
+from dslam_mav.commands.options import COUNT, POSITIVE, RECORDINGS, SEED
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
 from dslam_mav.commands.sweep_options import add_sweep
@@ -103,7 +103,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
-    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _recover, _layout):
+    for add in (
+        _plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _export, _recover, _layout,
+    ):  # fmt: skip
         add(commands)
     add_paper(commands, argparse.RawDescriptionHelpFormatter)
     add_sweep(commands, argparse.RawDescriptionHelpFormatter)
@@ -225,9 +227,10 @@ def _replay(commands: Commands[_Parser]) -> None:
     parser = _add(
         commands, "replay", "the same estimator on a log's readings", "logs/latest/flight.mcap", ("replay", "run")
     )
-    parser.add_argument("log", metavar="LOG", help=".mcap or .tlog")
-    parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: the log's)")
+    parser.add_argument("log", metavar="LOG", help=RECORDINGS)
+    shared.recording(parser)
     parser.add_argument("--report", metavar="FILE", help="write the page too")
+    shared.settings(parser, "change one assumption, repeatable: writes LOG.set-N.mcap, shows both answers")
     shared.assumptions(parser)
 
 
@@ -236,7 +239,8 @@ def _report(commands: Commands[_Parser]) -> None:
         commands, "report", "one self-contained page on a flight, or one that compares many",
         "logs/*/flight.mcap -o comparison.html", ("report", "run"),
     )  # fmt: skip
-    parser.add_argument("logs", nargs="+", metavar="LOG", help=".mcap or .tlog")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help=RECORDINGS)
+    shared.recording(parser)
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="(default: beside the log; of many, comparison.html here)"
     )
@@ -245,7 +249,17 @@ def _report(commands: Commands[_Parser]) -> None:
 
 def _info(commands: Commands[_Parser]) -> None:
     parser = _add(commands, "info", "what is in a log", "logs/latest/flight.mcap", ("info", "run"))
-    parser.add_argument("log", metavar="LOG", help=".mcap")
+    parser.add_argument("log", metavar="LOG", help=RECORDINGS)
+    shared.columns(parser)
+
+
+def _export(commands: Commands[_Parser]) -> None:
+    parser = _add(
+        commands, "export", "take readings, packets or the answer out of a log",
+        "logs/latest/flight.mcap --to geojson -o sources.geojson", ("export", "run"),
+    )  # fmt: skip
+    parser.add_argument("log", metavar="LOG", help=RECORDINGS)
+    shared.export(parser)
 
 
 def _recover(commands: Commands[_Parser]) -> None:

@@ -20,7 +20,8 @@ BASE = "errors mission observations records"
 SEEN = "errors observations records"  # legs are made of these alone: GPS-denied, so no mission with its places
 LEGS = f"{BASE} legs legs.plan"
 SIMULATED = "missions sim_bridge sim_bridge.fields"
-ALL = f"{LEGS} {SIMULATED} assumed assumptions dslam experiments files forecast log mav replay report"
+READ = "export recordings series"
+ALL = f"{LEGS} {READ} {SIMULATED} assumed assumptions dslam experiments files forecast log mav replay report"
 SWEEP = "sweep sweep.points"
 
 # room: (rooms of ours it may import besides itself, packages of others it may import); a room may have one within
@@ -37,6 +38,7 @@ HOUSE = {
     "dslam.paper": ("records dslam", "numpy scipy"),
     "mav": (LEGS, "pymavlink numpy"),
     "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove_schemas_protobuf zstandard numpy"),
+    "export": (f"{BASE} legs", "numpy pymap3d pyarrow"),
     "report": (f"{BASE} dslam", "jinja2 rich numpy"),
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
     "experiments.pictures": ("records experiments", "numpy matplotlib PIL"),
@@ -44,12 +46,14 @@ HOUSE = {
     "sweep.points": ("records dslam", "numpy"),
     "assumed": (f"{LEGS} assumptions dslam", "numpy"),
     "forecast": ("records assumptions dslam", "numpy"),
+    "series": ("errors records", "numpy"),
+    "recordings": (f"{LEGS} log mav replay series", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
-    "flight_log": (f"{LEGS} log mav replay", ""),
+    "flight_log": (f"{LEGS} export log mav recordings replay", "numpy pandas"),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
     "missions": (f"{BASE} dslam files", "numpy scipy"),
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
-    "sim_bridge.fields": (f"{BASE} dslam log mav", "numpy scipy msgspec"),
+    "sim_bridge.fields": (f"{BASE} dslam log mav series", "numpy scipy msgspec"),
     "sim_bridge.loopback": (f"{BASE} mav", "numpy"),
     "commands": (f"{ALL} {SWEEP} experiments.pictures", "rich numpy msgspec"),
     "cli": ("errors commands", ""),

@@ -17,7 +17,8 @@ from dslam_mav.dslam.growth import growth
 from dslam_mav.dslam.scoring import score
 from dslam_mav.errors import BadInputError, DslamError, LogError
 from dslam_mav.files import write_whole
-from dslam_mav.replay import frames_of
+from dslam_mav.mav.tlog import read_tlog
+from dslam_mav.recordings import kind_of
 from dslam_mav.report.compare import Flown
 from dslam_mav.report.foreseen import realised
 from dslam_mav.report.numbers import count
@@ -100,7 +101,7 @@ def _start_s(path: Path, logged: Logged) -> float | None:
     if logged.log is not None and logged.log.frames:
         first_ns = logged.log.frames[0][0]
     else:
-        first_ns = next((frame.received_ns for frame in frames_of(path)), 0)
+        first_ns = next((frame.received_ns for frame in read_tlog(path)), 0) if kind_of(path) == "tlog" else 0
     return first_ns / 1e9 if first_ns > datetime(2000, 1, 1, tzinfo=UTC).timestamp() * 1e9 else None
 
 

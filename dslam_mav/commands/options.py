@@ -27,6 +27,8 @@ def number(
     return parse
 
 
+RECORDINGS = ".mcap, .tlog, ArduPilot's .bin, or .csv"
+
 POSITIVE = number(float, 0.0, "a positive number", above=True)
 NOT_NEGATIVE = number(float, 0.0, "0 or more")
 ANY = number(float, -1e300, "a number")
@@ -73,6 +75,41 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
         help="one fit over all readings, or the paper's algebra (default: joint)",
     )
     group.add_argument("--seed", metavar="N", type=SEED, help="of the search, the noise and the vehicle")
+
+
+def recording(parser: argparse.ArgumentParser) -> None:
+    """What a recording somebody else made does not say of itself."""
+    parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: the log's)")
+    columns(parser)
+
+
+def columns(parser: argparse.ArgumentParser) -> None:
+    """Where the columns of a CSV file are called otherwise."""
+    parser.add_argument(
+        "--columns",
+        metavar="LIST",
+        help="of a CSV: FIELD=NAME[*FACTOR][:UNIT],… with FIELD time_s, value, east_m or north_m, "
+        "e.g. time_s=Time:ms,value=Gas*-1,east_m=X,north_m=Y",
+    )
+
+
+def settings(parser: argparse._ActionsContainer, help_text: str) -> None:
+    """Assumptions changed one by one; see `commands.settings`."""
+    parser.add_argument("--set", metavar="KEY=VALUE", action="append", help=help_text)
+
+
+def export(parser: argparse.ArgumentParser) -> None:
+    """What is taken out of a log, and where an answer lies on the map."""
+    formats = ("csv", "tlog", "parquet", "kml", "geojson")
+    parser.add_argument("--to", required=True, choices=formats, help="readings, raw packets, readings, or maps")
+    parser.add_argument("-o", "--output", metavar="OUT", help="(default: beside the log)")
+    parser.add_argument("--overwrite", action="store_true", help="replace OUT if it is there")
+    recording(parser)
+    settings(parser, "an assumption of the answer, repeatable; see replay --help (default: the log's own answer)")
+    place = parser.add_argument_group("place of a map's answer (default: the plan's)")
+    place.add_argument("--home", metavar="LAT,LON", help="degrees; without a plan where leg 1 begins")
+    place.add_argument("--heading", metavar="DEG", type=ANY, help="of leg 1, clockwise from north")
+    place.add_argument("--turn", choices=("left", "right"), help="side of the first turn (unknown: both are exported)")
 
 
 def source_of_readings(parser: argparse.ArgumentParser) -> None:

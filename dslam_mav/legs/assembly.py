@@ -72,7 +72,7 @@ def assemble(
 ) -> tuple[tuple[FlownLeg, ...], Counter[str]]:
     """The longest unbroken chain of legs, and what was set aside on the way to it."""
     counts: Counter[str] = Counter()
-    time_ms, value = _readings(samples)
+    time_ms, value = readings_of(samples)
     odometry = np.array(samples.odometry, dtype=np.float64).reshape(-1, 6)
     speed = np.array(samples.speed, dtype=np.float64).reshape(-1, 3)
     chains: list[list[FlownLeg]] = [[]]
@@ -144,7 +144,7 @@ def _straight(placed: Placed, start: Event, end: Event) -> bool:
     return placed.length_m >= STRAIGHT_SHARE * placed.travelled_m
 
 
-def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
+def readings_of(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     """Times (N,) and values (N,) of all sensors, the mean where two have the same millisecond.
 
     What an autopilot repeats of another component's readings is left out: PX4 stamps the copies anew.

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.legs.assembly import FlownLeg, Samples, assemble
+from dslam_mav.legs.assembly import FlownLeg, Samples, assemble, readings_of
 from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.distance import Distance
 from dslam_mav.legs.notes import mean_heading_rad, notes
@@ -90,12 +91,19 @@ class LegCollector:
             self._add(observation)
             return self._complete()
 
+    def add_all(self, observations: Iterable[Observation]) -> None:
+        """Take a whole recording, in its order."""
+        with self._lock:
+            for observation in observations:
+                self._add(observation)
+            self._complete()
+
     def _add(self, observation: Observation) -> None:
         match observation:
-            case Progress():
-                self._progress(observation)
             case Reading():
                 self._reading(observation)
+            case Progress():
+                self._progress(observation)
             case Odometry():
                 self._odometry(observation)
             case GroundSpeed():
@@ -116,6 +124,11 @@ class LegCollector:
     def flight(self, final: bool = False) -> Flight:
         """The flight of `legs`: see `flight_of`."""
         return flight_of(self.legs(final=final))
+
+    def readings(self) -> tuple[NDArray[np.int64], Array]:
+        """Times (N,), unwrapped ms, and values (N,) of all readings taken, on legs or not."""
+        with self._lock:
+            return readings_of(self._samples)
 
     def notes(self, legs: tuple[FlownLeg, ...]) -> tuple[str, ...]:
         """What a person should know of these legs' readings, one line each."""

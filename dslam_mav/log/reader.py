@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NotRequired, TypedDict
@@ -73,8 +73,10 @@ class LogInfo(TypedDict):
     recovered: NotRequired[Recovered]
 
 
-def read_log(path: Path) -> FlightLog:
-    """The whole log; BadInputError in one line for what cannot be read or is no MCAP file."""
+def read_log(path: Path, topics: Container[str] = tuple(TOPICS)) -> FlightLog:
+    """The log with the messages of `topics` (all are counted); BadInputError in one line for what cannot be read or is
+    no MCAP file.
+    """
     frames: list[tuple[int, bytes]] = []
     readings: list[tuple[int, Reading]] = []
     progress: list[tuple[int, Progress]] = []
@@ -93,17 +95,16 @@ def read_log(path: Path) -> FlightLog:
         estimate = codec.decode_estimate(update.estimate)
         estimates.append(LoggedEstimate(time_ns, update.legs_flown, update.final, estimate))
 
-    contents = _Contents(
-        {
-            RAW: lambda time_ns, data: frames.append((time_ns, raw_frame(data).raw)),
-            THERMAL: lambda time_ns, data: readings.append((time_ns, codec.decode_reading(thermal(data)))),
-            MISSION: lambda time_ns, data: progress.append((time_ns, codec.decode_progress(mission(data)))),
-            ESTIMATE: use_estimate,
-            TEXT: lambda time_ns, data: texts.append((time_ns, *codec.decode_text(Log.FromString(data)))),
-            TRUTH: lambda _, data: truth.append(codec.decode_truth(pb.Truth.FromString(data))),
-            PREDICTION: lambda _, data: predictions.append(codec.decode_prediction(pb.Prediction.FromString(data))),
-        }
-    )
+    uses: dict[str, _Use] = {
+        RAW: lambda time_ns, data: frames.append((time_ns, raw_frame(data).raw)),
+        THERMAL: lambda time_ns, data: readings.append((time_ns, codec.decode_reading(thermal(data)))),
+        MISSION: lambda time_ns, data: progress.append((time_ns, codec.decode_progress(mission(data)))),
+        ESTIMATE: use_estimate,
+        TEXT: lambda time_ns, data: texts.append((time_ns, *codec.decode_text(Log.FromString(data)))),
+        TRUTH: lambda _, data: truth.append(codec.decode_truth(pb.Truth.FromString(data))),
+        PREDICTION: lambda _, data: predictions.append(codec.decode_prediction(pb.Prediction.FromString(data))),
+    }
+    contents = _Contents({topic: use for topic, use in uses.items() if topic in topics})
     info = contents.read(path)
     return FlightLog(
         frames=tuple(frames),

@@ -76,6 +76,7 @@ def test_a_signed_packet_is_heard_once_and_only_with_its_key() -> None:
         (clear_all(Signing(KEY))[:-1] + b"\0", "forged"),
         (clear_all(Dated(KEY, now() - MOST_LATE - 10**6)), "old"),
     ],
+    ids=["unsigned", "another key", "signature cut", "old"],
 )
 def test_what_is_refused_and_why(raw: bytes, reason: str) -> None:
     verifier = Verifier(Signing(KEY))
