@@ -19,7 +19,7 @@ import numpy as np
 from dslam_mav.errors import LinkError
 from dslam_mav.mav import readings
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame
-from dslam_mav.mav.link import Link
+from dslam_mav.mav.ports import Port
 from dslam_mav.observations import Reading
 from sim_bridge.fields.field import Field
 from sim_bridge.sampling import Sampler, Samples, Sampling
@@ -38,7 +38,7 @@ class Bridge:
 
     def __init__(
         self,
-        link: Link,
+        link: Port,
         system: int,
         field: Field,
         sampling: Sampling,
