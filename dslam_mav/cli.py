@@ -185,6 +185,7 @@ def _bridge(commands: Commands[_Parser]) -> None:
     shared.source_of_readings(parser)
     parser.set_defaults(sources=None)
     parser.add_argument("--seed", metavar="N", type=SEED, help="of the noise (default: the scene's)")
+    shared.truth_from(parser)
     shared.vehicle_link(parser)
 
 
@@ -208,8 +209,12 @@ def _fly(commands: Commands[_Parser]) -> None:
     shared.source_of_readings(parser)
     shared.assumptions(parser)
     shared.vehicle_link(
-        parser, required=False, help_text="udpout:HOST:PORT or tcp:HOST:PORT (default: a loopback vehicle of its own)"
-    )
+        parser, required=False, several=True,
+        help_text=f"{shared.CONNECT_HELP}; all goes over it, or over several: again for the estimator, again for the "
+        "bridge (default: a loopback vehicle of its own)",
+    )  # fmt: skip
+    parser.add_argument("--here", action="store_true", help="fly the PLAN from where the vehicle stands")
+    shared.truth_from(parser)
     parser.add_argument("--out", metavar="DIR", default="logs", help="parent of the flight's folder (default: logs)")
     parser.add_argument(
         "--speedup", metavar="X", type=POSITIVE, default=10.0, help="of the loopback vehicle (default: 10)"

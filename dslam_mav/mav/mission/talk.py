@@ -110,6 +110,10 @@ class Talk:
         until_s = time.monotonic() + _TEXT_WAIT_S
         while not self.text and time.monotonic() < until_s:
             self.receive(until_s)
+        return self.words()
+
+    def words(self) -> str:
+        """What the vehicle said last, as `: "text"`, or ""."""
         return f': "{self.text}"' if self.text else ""
 
     def _await_ack(self, command: int) -> int | None:

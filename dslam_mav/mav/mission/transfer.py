@@ -14,7 +14,6 @@ from dataclasses import replace
 
 from dslam_mav.errors import LinkError, MissionError
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, messages
-from dslam_mav.mav.ports import Port
 from dslam_mav.mav.mission.compare import command_name, first_difference
 from dslam_mav.mav.mission.messages import from_message, to_message
 from dslam_mav.mav.mission.protocol import (
@@ -32,6 +31,7 @@ from dslam_mav.mav.mission.protocol import (
 )
 from dslam_mav.mav.mission.start import start
 from dslam_mav.mav.mission.talk import Talk
+from dslam_mav.mav.ports import Port
 from dslam_mav.mission import (
     CMD_WAYPOINT,
     DEGREES_E7,
@@ -83,7 +83,7 @@ def upload(link: Port, vehicle_system: int, mission: Mission, progress: Progress
         difference = first_difference(items, held, first, talk.profile())
         if difference is None:
             _check_flyable(talk)
-            return Mission(held, mission.home)
+            return Mission(held, _home_item_of(talk, held) or mission.home)
         if end.phase is Phase.DONE or not left:
             raise MissionError(f"vehicle {vehicle_system} holds another mission than was sent: {difference}")
     raise AssertionError("unreachable: the last attempt returns or raises")
@@ -93,9 +93,7 @@ def download(link: Port, vehicle_system: int) -> Mission:
     """The vehicle's mission, item index = sequence number; its home where the vehicle tells it."""
     talk = Talk(link, vehicle_system)
     items = _read(talk)
-    if talk.profile().home_item and items and _is_home(items[0]):
-        return Mission(items, Home(items[0].x / DEGREES_E7, items[0].y / DEGREES_E7, items[0].z))
-    return Mission(items, _home(talk))
+    return Mission(items, _home_item_of(talk, items) or _home(talk))
 
 
 def clear(link: Port, vehicle_system: int) -> None:
@@ -180,6 +178,13 @@ def _for_vehicle(talk: Talk, mission: Mission) -> tuple[tuple[MissionItem, ...],
         y = round(mission.home.longitude_deg * DEGREES_E7)
         z = mission.home.altitude_m
     return (MissionItem(CMD_WAYPOINT, FRAME_GLOBAL, (0.0, 0.0, 0.0, 0.0), x, y, z), *items), 1
+
+
+def _home_item_of(talk: Talk, items: tuple[MissionItem, ...]) -> Home | None:
+    """Home, where the vehicle keeps it in item 0: its own, whatever the plan's."""
+    if not (talk.profile().home_item and items and _is_home(items[0])):
+        return None
+    return Home(items[0].x / DEGREES_E7, items[0].y / DEGREES_E7, items[0].z)
 
 
 def _all_set(item: MissionItem) -> MissionItem:
