@@ -162,6 +162,14 @@ def _vehicle(commands: Commands[_Parser]) -> None:
     )
     parser.add_argument("--speedup", metavar="X", type=POSITIVE, default=1.0, help="times real time (default: 1)")
     parser.add_argument("--system", metavar="ID", type=COUNT, default=1, help="MAVLink system id (default: 1)")
+    parser.add_argument(
+        "--profile", choices=("strict", "ardupilot", "px4"), default="strict",
+        help="behave to the letter of the standard, or as ArduCopter or PX4 really do (default: strict)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--feed", choices=("gps", "flow", "odometry"), default="gps",
+        help="what a vehicle with such a profile navigates by; odometry must be sent to it, or it lands (default: gps)",
+    )  # fmt: skip
     parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it stands, degrees and metres")
     parser.add_argument("--cruise-speed", metavar="M_S", type=POSITIVE, default=5.0, help="unless the mission says (5)")
     parser.add_argument("--seed", metavar="N", type=SEED, help="repeats a flight exactly")

@@ -1,8 +1,9 @@
 """The bridge: injects readings into a flight, as a sensor on the vehicle would (MAVLink component 158).
 
 It hears where the vehicle truly is and how far the mission is, reads the field there and sends
-NAMED_VALUE_FLOAT through the vehicle, which forwards it to everybody else. Readings of a stretch are sent when its end is heard: the last ones of a leg therefore follow its
-MISSION_ITEM_REACHED, and only their own `time_boot_ms` says where they belong.
+NAMED_VALUE_FLOAT through the vehicle, which forwards it to everybody else. Readings of a stretch are sent
+when its end is heard: the last ones of a leg therefore follow its MISSION_ITEM_REACHED, and only their own
+`time_boot_ms` says where they belong.
 """
 
 from __future__ import annotations

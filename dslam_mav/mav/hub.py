@@ -1,4 +1,4 @@
-"""One connection, several senders: ground station, estimator and bridge on one serial port or a TCP server's only place.
+"""One connection, several senders: ground station, estimator and bridge share a serial port or a TCP server.
 
 The vehicle does not send back what came over a connection, so the roles on it hear each other here, by the rules a
 vehicle forwards by: what is for everybody goes to all the others, what has a target to that one.

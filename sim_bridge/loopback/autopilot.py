@@ -15,6 +15,10 @@ from dslam_mav.mission import CMD_LAND, CMD_RETURN_TO_LAUNCH, Home, MissionItem
 from sim_bridge.loopback.body import Body
 from sim_bridge.loopback.flight import NEVER_MS, Flight, Outgoing
 from sim_bridge.loopback.flight_model import Segment, Timeline, lay_out
+from sim_bridge.loopback.manners import Manners
+from sim_bridge.loopback.motion import with_inertia
+from sim_bridge.loopback.navigation import Navigation
+from sim_bridge.loopback.parameters import Parameters
 from sim_bridge.loopback.streams import Streams
 from sim_bridge.loopback.telemetry import (
     DEFAULT_INTERVAL_MS,
@@ -29,6 +33,7 @@ from sim_bridge.loopback.telemetry import (
 
 _START_GRID_MS = 1000
 _INFO = 6
+_CRITICAL = 2
 
 Peer = Hashable
 Refusal = str  # why not; "" when done
@@ -38,16 +43,28 @@ class Autopilot:
     """State of the vehicle at `time_ms` of simulated time; `advance` moves it on."""
 
     def __init__(
-        self, home: Home, *, cruise_speed_m_s: float = 5.0, position_rate_hz: float = 50.0, seed: int = 0
+        self,
+        home: Home,
+        *,
+        cruise_speed_m_s: float = 5.0,
+        position_rate_hz: float = 50.0,
+        seed: int = 0,
+        manners: Manners | None = None,
     ) -> None:
         self.home = home
+        self.manners = manners or Manners("strict")
+        self.navigation = Navigation(self.manners, seed)
         self.cruise_speed_m_s = cruise_speed_m_s
         self.time_ms = 0
         self.armed = False
         self.mode = Mode.HOLD
         self.mission_state = MissionState.NO_MISSION
         self.first_seq = 0
-        self.streams = Streams({LOCAL_POSITION_NED: round(1000 / position_rate_hz), **DEFAULT_INTERVAL_MS})
+        self.guided = False
+        unasked = {LOCAL_POSITION_NED: round(1000 / position_rate_hz), **DEFAULT_INTERVAL_MS}
+        self.streams = Streams({} if self.manners.quiet else unasked)
+        own = {"CRUISE_M_S": cruise_speed_m_s, "POS_MS": round(1000 / position_rate_hz)}
+        self.parameters = Parameters(self.manners, own)
         self._body = Body(seed)
         self._items: tuple[MissionItem, ...] = ()
         self._seq = 0
@@ -63,7 +80,7 @@ class Autopilot:
     @property
     def next_event_ms(self) -> int:
         """When `advance` will next have something to send."""
-        return min(self._flight_event_ms(), self.streams.next_ms)
+        return min(self._flight_event_ms(), self.streams.next_ms, self._failsafe_ms())
 
     def snapshot(self) -> Snapshot:
         """The vehicle now."""
@@ -78,12 +95,19 @@ class Autopilot:
             self._seq,
             len(self._items),
             self.mission_state,
+            self.manners,
+            self.navigation.true_m(self._body.place_m, self.time_ms),
+            self.navigation.located(self.time_ms),
+            self.guided,
         )
 
     def advance(self, to_ms: int) -> list[Outgoing]:
         """Let simulated time pass up to and including `to_ms`: what is sent meanwhile, in order."""
         while (event_ms := self.next_event_ms) <= to_ms:
             self._move(event_ms)
+            if self._failsafe_ms() <= event_ms:
+                self.say("EKF Failsafe: changed to LAND Mode", _CRITICAL)
+                self.set_mode(Mode.LAND)
             while self._flight_event_ms() == event_ms:
                 self._cross()
             for kind, peer in self.streams.pop(event_ms):
@@ -92,11 +116,11 @@ class Autopilot:
         out, self._out = self._out, []
         return out
 
-    def set_items(self, items: tuple[MissionItem, ...]) -> None:
-        """A new mission, not begun."""
-        self._items = items
-        self._seq = self.first_seq = 0
-        self.mission_state = MissionState.NOT_STARTED if items else MissionState.NO_MISSION
+    def set_items(self, items: tuple[MissionItem, ...], *, flyable: bool = True) -> None:
+        """A new mission, not begun; one that is not `flyable` is held but not flown."""
+        self._items = items if flyable else ()
+        self._seq = self.first_seq = 1 if self.manners.missions == "ardupilot" else 0  # item 0 is home there
+        self.mission_state = MissionState.NOT_STARTED if self._items else MissionState.NO_MISSION
         self._tell(MISSION_CURRENT)
 
     def say(self, text: str, severity: int = _INFO) -> None:
@@ -105,6 +129,8 @@ class Autopilot:
 
     def arm(self) -> Refusal:
         """Arm; in mission mode the flight begins."""
+        if not self.armed and (why := self._why_not_armed()):
+            return why
         if not self.armed:
             self.armed = True
             self.say("armed")
@@ -124,6 +150,12 @@ class Autopilot:
 
     def start_mission(self) -> Refusal:
         """Mission mode, and the flight begins (or goes on)."""
+        if not self.armed and self.manners.start_lies:
+            return ""
+        if not self.armed and self.manners.start_arms:
+            why = "no valid mission" if not self._items else self.arm()
+            if why:
+                return why
         if not self.armed:
             return "mission start refused: not armed"
         return self.set_mode(Mode.MISSION)
@@ -142,6 +174,16 @@ class Autopilot:
             self._go_home(mode)
         self._set_mode(mode)
         return ""
+
+    def _why_not_armed(self) -> Refusal:
+        if self.manners.guided_first and not self.guided:
+            return "Arm: mode not armable"
+        why = self.navigation.why_not(self.time_ms)
+        return f"PreArm: {why}" if why else ""
+
+    def _failsafe_ms(self) -> int:
+        landing = self._flight is not None and not self._flight.is_mission
+        return NEVER_MS if not self.armed or landing else max(self.navigation.failsafe_ms, self.time_ms)
 
     def choose_first(self, seq: int) -> Refusal:
         """The item the next mission begins with."""
@@ -182,7 +224,8 @@ class Autopilot:
 
     def _lay_out(self, items: tuple[MissionItem, ...], first: int = 0) -> Timeline:
         place_m, yaw_rad = self._body.place_m, self._body.yaw_rad
-        return lay_out(items, self.home, place_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=yaw_rad, first=first)
+        ideal = lay_out(items, self.home, place_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=yaw_rad, first=first)
+        return with_inertia(ideal, self.manners.accept_m) if self.manners.moves else ideal
 
     def _pause(self) -> None:
         flight = self._flight
@@ -266,4 +309,6 @@ class Autopilot:
 
     def _tell(self, kind: int) -> None:
         """Send a message to everybody outside its period, because something happened."""
+        if self.manners.quiet and kind != HEARTBEAT:
+            return
         self._out.append(Outgoing(build(kind, self.snapshot())))
