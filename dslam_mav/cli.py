@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
-    for add in (_plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info):
+    for add in (_plan, _transfer, _check, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info):
         add(commands)
     add_paper(commands, argparse.RawDescriptionHelpFormatter)
     return parser
@@ -150,6 +150,25 @@ def _transfer(commands: Commands[_Parser]) -> None:
         "--connect udpout:127.0.0.1:14550", ("transfer", "run_clear"),
     )  # fmt: skip
     shared.vehicle_link(clear)
+
+
+def _check(commands: Commands[_Parser]) -> None:
+    parser = _add(
+        commands, "check", "is a vehicle set to fly without GPS; set it so, or put back what was",
+        "--connect tcp:127.0.0.1:5760 --navigation flow --fix", ("check", "run"),
+    )  # fmt: skip
+    parser.add_argument(
+        "--navigation", choices=("flow", "odometry", "vision"),
+        help="what it is to fly by: optical flow, ODOMETRY or VISION_POSITION_ESTIMATE (default: what it is set for, "
+        "or else flow)",
+    )  # fmt: skip
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--fix", action="store_true", help="set what differs, read it back, remember what it was")
+    what.add_argument("--restore", action="store_true", help="put back what --fix changed")
+    parser.add_argument(
+        "--saved", metavar="FILE", help="where it is remembered (default: vehicle-ID-parameters.json here)"
+    )
+    shared.vehicle_link(parser)
 
 
 def _vehicle(commands: Commands[_Parser]) -> None:

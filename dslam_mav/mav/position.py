@@ -39,12 +39,14 @@ def stands_at(
     began_s = time.monotonic()
     if (place := _look(talk, began_s + _LOOK_S)[0]) is not None:
         return place
-    origin_wanted = without_gps(talk)
+    origin_wanted = None
     told_s = 0.0
     while time.monotonic() < began_s + patience_s:
         place, truth = _look(talk, time.monotonic() + _AGAIN_S)
         if place is not None:
             return place
+        if origin_wanted is None:  # a vehicle that starts may not answer yet
+            origin_wanted = without_gps(talk)
         origin = truth or otherwise
         if origin_wanted and origin is not None and time.monotonic() - told_s >= _AGAIN_S:
             told_s = time.monotonic()
@@ -58,15 +60,17 @@ def stands_at(
     raise LinkError(f"vehicle {vehicle_system} on {link.url} knows no position after {patience_s:g} s{talk.words()}")
 
 
-def without_gps(talk: Talk) -> bool:
-    """Whether the vehicle's navigation is set not to use GPS, so that nobody but us can tell it where it is."""
+def without_gps(talk: Talk) -> bool | None:
+    """Whether the vehicle's navigation is set not to use GPS, so that nobody but us can tell it where it is; None: it
+    does not say.
+    """
     if talk.profile().name == "px4":
         control = read_param(talk, "EKF2_GPS_CTRL")
-        return control is not None and control.value == 0
+        return None if control is None else control.value == 0
     if talk.profile().name != "ardupilot":
         return False
     source = read_param(talk, "EK3_SRC1_POSXY")
-    return source is not None and source.value != _GPS
+    return None if source is None else source.value != _GPS
 
 
 def _look(talk: Talk, until_s: float) -> tuple[Home | None, Home | None]:

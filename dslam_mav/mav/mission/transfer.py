@@ -40,6 +40,8 @@ from dslam_mav.mission import (
     Home,
     Mission,
     MissionItem,
+    e7_to_enu,
+    home_item,
     without_home_item,
 )
 
@@ -52,6 +54,7 @@ _HOME_WAIT_S = 1.0
 _GET_HOME_POSITION = 242
 _FLYABLE_WAIT_S = 2.0
 _MISSION_CURRENT = 42
+_SAME_FIELD_M = 10_000.0
 _NO_MISSION = 1
 _REJECTED = "mission rejected"
 _REQUEST_MESSAGE = 512
@@ -83,7 +86,7 @@ def upload(link: Port, vehicle_system: int, mission: Mission, progress: Progress
         difference = first_difference(items, held, first, talk.profile())
         if difference is None:
             _check_flyable(talk)
-            return Mission(held, _home_item_of(talk, held) or mission.home)
+            return _with_home(talk, held, mission.home)
         if end.phase is Phase.DONE or not left:
             raise MissionError(f"vehicle {vehicle_system} holds another mission than was sent: {difference}")
     raise AssertionError("unreachable: the last attempt returns or raises")
@@ -178,6 +181,17 @@ def _for_vehicle(talk: Talk, mission: Mission) -> tuple[tuple[MissionItem, ...],
         y = round(mission.home.longitude_deg * DEGREES_E7)
         z = mission.home.altitude_m
     return (MissionItem(CMD_WAYPOINT, FRAME_GLOBAL, (0.0, 0.0, 0.0, 0.0), x, y, z), *items), 1
+
+
+def _with_home(talk: Talk, held: tuple[MissionItem, ...], planned: Home | None) -> Mission:
+    """The mission as held, measured from the vehicle's own home, unless that is unset or nowhere near the plan's."""
+    own = _home_item_of(talk, held)
+    if own is None:
+        return Mission(held, planned)
+    unset = own.latitude_deg == own.longitude_deg == 0.0
+    if planned is not None and (unset or math.hypot(*e7_to_enu(held[0].x, held[0].y, planned)) > _SAME_FIELD_M):
+        return Mission((home_item(planned), *held[1:]), planned)
+    return Mission(held, own)
 
 
 def _home_item_of(talk: Talk, items: tuple[MissionItem, ...]) -> Home | None:
