@@ -213,6 +213,7 @@ def _bridge(commands: Commands[_Parser]) -> None:
     parser.set_defaults(sources=None)
     parser.add_argument("--seed", metavar="N", type=SEED, help="of the noise (default: the scene's)")
     shared.truth_from(parser)
+    shared.feed_odometry(parser)
     shared.vehicle_link(parser)
 
 
@@ -242,6 +243,7 @@ def _fly(commands: Commands[_Parser]) -> None:
     )  # fmt: skip
     parser.add_argument("--here", action="store_true", help="fly the PLAN from where the vehicle stands")
     shared.truth_from(parser)
+    shared.feed_odometry(parser)
     parser.add_argument("--out", metavar="DIR", default="logs", help="parent of the flight's folder (default: logs)")
     parser.add_argument(
         "--speedup", metavar="X", type=POSITIVE, default=10.0, help="of the loopback vehicle (default: 10)"

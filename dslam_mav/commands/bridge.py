@@ -48,7 +48,11 @@ def run(options: Namespace) -> int:
         )
         vehicle.hubs[0].leave(vehicle.ground)
         screen.say(f"reading {readings.name} along {len(legs.lengths_m)} legs of vehicle {system}")
-        with background(bridge.run, "bridge") as worker, screen.progress("reading") as advance:
+        with (
+            vehicle.fed(options.feed_odometry),
+            background(bridge.run, "bridge") as worker,
+            screen.progress("reading") as advance,
+        ):
             while worker.running:
                 worker.join(0.2)
                 advance("reading", 0, None, f"{bridge.sent} readings sent")

@@ -71,6 +71,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         urls = options.connect or (stack.enter_context(_loopback(options, setup)),) * 3
         vehicle = stack.enter_context(met(urls, options, setup.signing))
         system = vehicle.system
+        stack.enter_context(vehicle.fed(bool(options.connect) and options.feed_odometry))
         if options.connect:
             here = options.here or options.plan is None
             setup = replace(setup, mission=suit(vehicle, setup.mission, options, screen, here=here))

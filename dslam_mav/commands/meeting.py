@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
+from dslam_mav.commands.background import background
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
 from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_ESTIMATOR, COMPONENT_GROUND, SYSTEM_GROUND
@@ -19,6 +20,7 @@ from dslam_mav.mav.position import stands_at
 from dslam_mav.mav.profile import Profile, profile_named, profile_of
 from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import DEGREES_E7, Home, Mission, e7_to_enu, home_of, moved_to, with_home_item, without_home_item
+from sim_bridge.odometry_feed import COMPONENT_ODOMETRY, OdometryFeed
 
 READY_PATIENCE_S = 120.0
 """How long a vehicle may take until it knows where it is, and until it can be armed: ArduPilot's EKF takes 42 s."""
@@ -49,6 +51,18 @@ class Met:
     def bridge(self) -> Role:
         """The bridge's end: on the last connection."""
         return self._join(2, COMPONENT_BRIDGE)
+
+    @contextmanager
+    def fed(self, wanted: bool) -> Iterator[None]:
+        """While the block runs the vehicle gets ODOMETRY, if that is wanted."""
+        if not wanted:
+            yield
+            return
+        with (
+            self.hubs[-1].join(self.system, COMPONENT_ODOMETRY) as link,
+            background(OdometryFeed(link, self.system).run, "odometry"),
+        ):
+            yield
 
     def _join(self, place: int, component: int) -> Role:
         return self.hubs[min(place, len(self.hubs) - 1)].join(self.system, component)

@@ -112,6 +112,15 @@ def truth_from(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def feed_odometry(parser: argparse.ArgumentParser) -> None:
+    """Stand in for a camera that the simulated vehicle navigates by."""
+    parser.add_argument(
+        "--feed-odometry",
+        action="store_true",
+        help="send the vehicle ODOMETRY from its simulator's truth: for one set to navigate by it",
+    )
+
+
 def signing_key(parser: argparse.ArgumentParser) -> None:
     """The key for MAVLink's message signing; see `commands.signing`."""
     parser.add_argument(

@@ -85,5 +85,4 @@ def test_everybody_is_told_when_the_other_end_leaves() -> None:
         server.accept()[0].close()
         for role in roles:
             with pytest.raises(LinkError, match="closed the connection"):
-                while True:
-                    role.receive(2.0)
+                hear(role, "HEARTBEAT")

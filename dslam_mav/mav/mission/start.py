@@ -11,6 +11,7 @@ from dslam_mav.mav.ports import Port
 from dslam_mav.mav.profile import modes_of
 
 _DO_SET_MODE = 176
+_SET_MISSION_CURRENT = 224
 _MISSION_START = 300
 _ARM_DISARM = 400
 
@@ -71,6 +72,7 @@ class _Patient:
 def _start_ardupilot(talk: Talk, patient: _Patient) -> None:
     """GUIDED, arm, MISSION_START; again if it disarmed in between: it accepts the start all the same."""
     guided, auto = modes_of(talk.autopilot()[1])
+    talk.command(_SET_MISSION_CURRENT, 1, 1)  # or it goes on where an earlier flight of the mission was broken off
     for _ in range(_STARTS):
         patient.demand("mode GUIDED", _DO_SET_MODE, _CUSTOM_MODE, guided)
         patient.demand("to arm", _ARM_DISARM, 1)
