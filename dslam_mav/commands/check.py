@@ -14,9 +14,9 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
 from dslam_mav.errors import BadInputError, DslamError
 from dslam_mav.files import write_whole
-from dslam_mav.mav.gps_denied import NAVIGATION, Finding, findings, names_wanted, nearest_way
+from dslam_mav.mav.gps_denied import NAVIGATION, Finding, findings, names_wanted, nearest_way, other_names
 from dslam_mav.mav.mission.talk import Talk
-from dslam_mav.mav.params import Param, read_param, set_param
+from dslam_mav.mav.params import Param, read_params, set_param
 
 
 def run(options: Namespace) -> int:
@@ -64,12 +64,9 @@ def _check(vehicle: Met, talk: Talk, saved: Path, options: Namespace, screen: Sc
 
 
 def _read(talk: Talk, names: tuple[str, ...], screen: Screen) -> dict[str, Param]:
-    held = {}
-    with screen.progress("reading parameters") as advance:
-        for done, name in enumerate(names):
-            advance("reading parameters", done, len(names), name)
-            if (param := read_param(talk, name)) is not None:
-                held[name] = param
+    with screen.progress("reading parameters"):
+        held = read_params(talk, names)
+        held |= read_params(talk, other_names(names, held))
     if not held:
         raise DslamError(f"vehicle {talk.system} on {talk.link.url} does not tell its parameters")
     return held

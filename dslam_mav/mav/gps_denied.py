@@ -5,7 +5,7 @@ ArduPilot's as measured on ArduCopter 4.7 in SITL, PX4's as its source reads the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 
 from dslam_mav.mav.params import same_value
@@ -91,7 +91,13 @@ _EXTERNAL_NAVIGATION = 6
 def names_wanted(profile: str) -> tuple[str, ...]:
     """Every parameter that may matter for a profile, each once."""
     wanted = [w for (name, _), ways in NAVIGATION.items() if name == profile for w in ways]
-    return tuple(dict.fromkeys(name for w in wanted for name in (w.name, *w.others)))
+    return tuple(dict.fromkeys(w.name for w in wanted))
+
+
+def other_names(names: Container[str], held: Container[str]) -> tuple[str, ...]:
+    """What those of the `names` that are not held are called in other versions."""
+    wanted = [w for ways in NAVIGATION.values() for w in ways if w.name in names and w.name not in held]
+    return tuple(dict.fromkeys(other for w in wanted for other in w.others))
 
 
 def findings(profile: str, way: str, held: Mapping[str, float]) -> tuple[Finding, ...]:

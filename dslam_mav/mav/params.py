@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import struct
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,8 @@ REAL32 = 9
 _LAYOUTS = {1: "<Bxxx", 2: "<bxxx", 3: "<Hxx", 4: "<hxx", 5: "<I", 6: "<i"}  # MAV_PARAM_TYPE of whole numbers
 _ANSWER_S = 1.0
 _TRIES = 4
-_NAME_BYTES = 16
+_ROUNDS = 6
+_QUIET_S = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,16 +63,31 @@ def same_value(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
 
 
+def read_params(talk: Talk, names: Sequence[str]) -> dict[str, Param]:
+    """Those of the parameters that the vehicle has (or answers for), asked for at once and again what is missing."""
+    held: dict[str, Param] = {}
+    refused: set[str] = set()
+    for _ in range(_ROUNDS):
+        missing = [name for name in names if name not in held and name not in refused]
+        if not missing:
+            break
+        for name in missing:
+            talk.send(
+                messages().MAVLink_param_request_read_message(talk.system, COMPONENT_AUTOPILOT, name.encode(), -1)
+            )
+        quiet_s = time.monotonic() + _QUIET_S
+        while time.monotonic() < quiet_s and not held.keys() | refused >= set(names):
+            message = talk.receive(quiet_s)
+            refused |= {talk.param_error} & set(names)
+            if message is not None and (param := _param(talk, message)) is not None and param.name in names:
+                held[param.name] = param
+                quiet_s = time.monotonic() + _QUIET_S
+    return held
+
+
 def read_param(talk: Talk, name: str) -> Param | None:
     """One parameter; None if the vehicle has none of that name (or does not answer for it)."""
-    request = messages().MAVLink_param_request_read_message(talk.system, COMPONENT_AUTOPILOT, name.encode(), -1)
-    for _ in range(_TRIES):
-        talk.send(request)
-        if (found := _await(talk, name)) is not None:
-            return found
-        if talk.param_error == name:
-            return None
-    return None
+    return read_params(talk, (name,)).get(name)
 
 
 def set_param(talk: Talk, param: Param) -> Param:
@@ -99,13 +116,15 @@ def set_param(talk: Talk, param: Param) -> Param:
 
 def _await(talk: Talk, name: str) -> Param | None:
     until_s = time.monotonic() + _ANSWER_S
-    while time.monotonic() < until_s:
-        message = talk.receive(until_s)
-        if message is None:
-            return None
-        if message.get_type() == "PARAM_VALUE" and message.param_id[:_NAME_BYTES] == name:
-            value = from_wire(message, bytewise=talk.profile().bytewise)
-            return Param(name, value, int(message.param_type))
-        if talk.param_error == name:
-            return None
+    while (message := talk.receive(until_s)) is not None and time.monotonic() < until_s:
+        param = _param(talk, message)
+        if param is not None and param.name == name:
+            return param
     return None
+
+
+def _param(talk: Talk, message: Any) -> Param | None:
+    if message.get_type() != "PARAM_VALUE":
+        return None
+    value = from_wire(message, bytewise=talk.profile().bytewise)
+    return Param(message.param_id, value, int(message.param_type))

@@ -17,21 +17,41 @@ STEP_MS = 20
 ACCELERATION_M_S2 = 2.5
 _STIFFNESS = 1.3**2  # 1/s²
 _DAMPING = 2.0 * 0.35 * 1.3  # 1/s
-_STILL_M = 0.02
+_NEAR_M = 0.02
+_REACH = 2.0 * math.sqrt(2.0)  # a parabola from so far before a right angle passes it at 1
+_STILL: Place = (0.0, 0.0, 0.0)
 _SETTLE_S = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Bend:
+    """A corner flown round: a parabola from `length_m` before it to as far behind it."""
+
+    before_m: Place
+    corner_m: Place
+    after_m: Place
+
+    def at(self, share: float, rate_per_s: float) -> tuple[Place, Place, Place]:
+        """Place, velocity and acceleration at a share of the way, which grows by so much a second."""
+        u, v = share, 1.0 - share
+        rows = list(zip(self.before_m, self.corner_m, self.after_m, strict=True))
+        place = _place([v * v * a + 2 * u * v * c + u * u * b for a, c, b in rows])
+        velocity = _place([2 * rate_per_s * (v * (c - a) + u * (b - c)) for a, c, b in rows])
+        return place, velocity, _place([2 * rate_per_s**2 * (a - 2 * c + b) for a, c, b in rows])
 
 
 @dataclass(slots=True)
 class _State:
-    """Vehicle and leading point, NED."""
+    """Vehicle, NED, and the bend it is halfway through."""
 
     place_m: list[float]
     velocity_m_s: list[float]
     time_ms: int = 0
+    bend: _Bend | None = None
 
 
 def with_inertia(timeline: Timeline, accept_m: float) -> Timeline:
-    """The same flight as a vehicle with mass flies it; a corner without a wait is passed within `accept_m` of it."""
+    """The same flight as a vehicle with mass flies it; a right angle without a wait is cut by about `accept_m`."""
     if not timeline.segments:
         return timeline
     out: list[Segment] = []
@@ -39,30 +59,58 @@ def with_inertia(timeline: Timeline, accept_m: float) -> Timeline:
     segments = timeline.segments
     for index, segment in enumerate(segments):
         following = segments[index + 1] if index + 1 < len(segments) else None
-        _fly(state, segment, following, accept_m, out)
+        _fly(state, segment, _bend(segment, following, accept_m), out)
     return Timeline(tuple(out), timeline.lands)
 
 
-def _fly(state: _State, segment: Segment, following: Segment | None, accept_m: float, out: list[Segment]) -> None:
-    origin, target = segment.origin_m, segment.target_m
-    length_m = math.dist(origin, target)
-    begin_ms = state.time_ms
+def _bend(segment: Segment, following: Segment | None, accept_m: float) -> _Bend | None:
+    """How the corner at the segment's end is flown round; None: the vehicle stops there."""
+    if following is None or not segment.reached or segment.velocity_m_s[2] or following.velocity_m_s[2]:
+        return None
+    here_m, next_m = (math.dist(s.origin_m, s.target_m) for s in (segment, following))
+    length_m = min(_REACH * accept_m, 0.45 * here_m, 0.45 * next_m)
     if length_m == 0.0:
-        while state.time_ms - begin_ms < segment.end_ms - segment.start_ms:
-            _step(state, segment, target, (0.0, 0.0, 0.0), out)
-    else:
-        along = tuple((t - o) / length_m for t, o in zip(target, origin, strict=True))
-        cruise_m_s = math.hypot(*segment.velocity_m_s)
-        run = _Run(length_m, cruise_m_s)
-        passes = following is not None and segment.reached and math.dist(following.origin_m, following.target_m) > 0.0
-        reach_m = accept_m if passes else _arrival_m(segment)
-        while not (run.done(passes) and math.dist(state.place_m, target) <= reach_m):
-            if state.time_ms - begin_ms > run.longest_ms:
-                break
-            distance_m, speed_m_s = run.step(passes)
-            lead = tuple(o + a * distance_m for o, a in zip(origin, along, strict=True))
-            _step(state, segment, lead, tuple(a * speed_m_s for a in along), out)
+        return None
+    corner = segment.target_m
+    before = _between(corner, segment.origin_m, length_m / here_m)
+    return _Bend(before, corner, _between(corner, following.target_m, length_m / next_m))
+
+
+def _fly(state: _State, segment: Segment, bend: _Bend | None, out: list[Segment]) -> None:
+    origin, target = segment.origin_m, segment.target_m
+    length_m, cruise_m_s = math.dist(origin, target), math.hypot(*segment.velocity_m_s)
+    if length_m == 0.0:
+        for _ in range(0, segment.end_ms - segment.start_ms, STEP_MS):
+            _step(state, segment, (target, _STILL, _STILL), out)
+        _close(state, segment, out)
+        return
+    begun_m = 0.0
+    if state.bend is not None:
+        _round(state, segment, state.bend, 0.5, out)
+        begun_m = math.dist(state.bend.after_m, origin)
+    end_m = length_m if bend is None else length_m - math.dist(bend.before_m, target)
+    run = _Run(begun_m, end_m, cruise_m_s, stops=bend is None)
+    latest_ms = state.time_ms + run.longest_ms
+    while not (run.done and (bend is not None or math.dist(state.place_m, target) <= _arrival_m(segment))):
+        if state.time_ms > latest_ms:
+            break
+        distance_m, speed_m_s = run.step()
+        lead = _between(origin, target, distance_m / length_m)
+        velocity = _place([v / cruise_m_s * speed_m_s for v in segment.velocity_m_s])
+        _step(state, segment, (lead, velocity, _STILL), out)
+    if bend is not None:
+        _round(state, segment, bend, 0.0, out)
+    state.bend = bend
     _close(state, segment, out)
+
+
+def _round(state: _State, segment: Segment, bend: _Bend, share: float, out: list[Segment]) -> None:
+    """Half a bend, at about the leg's speed."""
+    way_m = 0.5 * (math.dist(bend.before_m, bend.corner_m) + math.dist(bend.corner_m, bend.after_m))
+    rate_per_s = 0.5 * math.hypot(*segment.velocity_m_s) / way_m
+    end = share + 0.5
+    while (share := share + rate_per_s * STEP_MS / 1000.0) < end:
+        _step(state, segment, bend.at(share, rate_per_s), out)
 
 
 def _arrival_m(segment: Segment) -> float:
@@ -71,38 +119,43 @@ def _arrival_m(segment: Segment) -> float:
 
 
 class _Run:
-    """The leading point's way along one leg."""
+    """The leading point's straight way along one leg, from `begun_m`, where it has cruising speed if not 0."""
 
-    def __init__(self, length_m: float, cruise_m_s: float) -> None:
-        self._length_m = length_m
+    def __init__(self, begun_m: float, end_m: float, cruise_m_s: float, *, stops: bool) -> None:
+        self._end_m = end_m
         self._cruise_m_s = cruise_m_s
-        self._distance_m = self._speed_m_s = 0.0
-        self.longest_ms = int(1000.0 * (length_m / cruise_m_s + 2.0 * cruise_m_s / ACCELERATION_M_S2 + _SETTLE_S))
+        self._stops = stops
+        self._distance_m = begun_m
+        self._speed_m_s = cruise_m_s if begun_m else 0.0
+        self.longest_ms = int(1000.0 * (end_m / cruise_m_s + 2.0 * cruise_m_s / ACCELERATION_M_S2 + _SETTLE_S))
 
-    def done(self, passes: bool) -> bool:
-        """Whether the point has arrived; one that passes by counts as soon as the vehicle is near."""
-        return passes or self._distance_m >= self._length_m - _STILL_M
+    @property
+    def done(self) -> bool:
+        """Whether the point has arrived."""
+        return self._distance_m >= self._end_m - _NEAR_M
 
-    def step(self, passes: bool) -> tuple[float, float]:
+    def step(self) -> tuple[float, float]:
         """Distance and speed a step later."""
         dt_s = STEP_MS / 1000.0
-        left_m = max(0.0, self._length_m - self._distance_m)
-        allowed_m_s = self._cruise_m_s if passes else min(self._cruise_m_s, math.sqrt(2.0 * ACCELERATION_M_S2 * left_m))
+        left_m = max(0.0, self._end_m - self._distance_m)
+        allowed_m_s = self._cruise_m_s
+        if self._stops:
+            allowed_m_s = min(allowed_m_s, math.sqrt(2.0 * ACCELERATION_M_S2 * left_m))
         self._speed_m_s = min(self._speed_m_s + ACCELERATION_M_S2 * dt_s, allowed_m_s)
-        self._distance_m = min(self._distance_m + self._speed_m_s * dt_s, self._length_m)
-        if left_m < _STILL_M:
-            self._distance_m, self._speed_m_s = self._length_m, 0.0
+        self._distance_m = min(self._distance_m + self._speed_m_s * dt_s, self._end_m)
+        if self._stops and left_m < _NEAR_M:
+            self._distance_m, self._speed_m_s = self._end_m, 0.0
         return self._distance_m, self._speed_m_s
 
 
-def _step(
-    state: _State, segment: Segment, lead: Sequence[float], lead_m_s: Sequence[float], out: list[Segment]
-) -> None:
+def _step(state: _State, segment: Segment, lead: tuple[Place, Place, Place], out: list[Segment]) -> None:
+    """The vehicle follows the leading point's place, velocity and acceleration."""
     dt_s = STEP_MS / 1000.0
     before = _place(state.place_m)
+    place_m, velocity_m_s, acceleration_m_s2 = lead
     for j in range(3):
-        pull = _STIFFNESS * (lead[j] - state.place_m[j]) + _DAMPING * (lead_m_s[j] - state.velocity_m_s[j])
-        state.velocity_m_s[j] += pull * dt_s
+        pull = _STIFFNESS * (place_m[j] - state.place_m[j]) + _DAMPING * (velocity_m_s[j] - state.velocity_m_s[j])
+        state.velocity_m_s[j] += (pull + acceleration_m_s2[j]) * dt_s
         state.place_m[j] += state.velocity_m_s[j] * dt_s
     if state.place_m[2] > 0.0:  # the ground is hard
         state.place_m[2], state.velocity_m_s[2] = 0.0, 0.0
@@ -131,6 +184,10 @@ def _close(state: _State, segment: Segment, out: list[Segment]) -> None:
             corner=False, reached=segment.reached,
         )
     )  # fmt: skip
+
+
+def _between(one: Place, other: Place, share: float) -> Place:
+    return _place([a + share * (b - a) for a, b in zip(one, other, strict=True)])
 
 
 def _place(values: Sequence[float]) -> Place:
