@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
@@ -17,7 +16,8 @@ from dslam_mav.commands.attached import as_logged, attach
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
 from dslam_mav.commands.folder import point_latest
-from dslam_mav.commands.meeting import READY_PATIENCE_S, Met, met, suit
+from dslam_mav.commands.launching import begin, complain
+from dslam_mav.commands.meeting import Met, met, suit
 from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.readings import Readings
 from dslam_mav.commands.screen import Screen
@@ -26,7 +26,7 @@ from dslam_mav.errors import DslamError, LinkError
 from dslam_mav.legs import LegCollector, flight_of, plan_facts
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT
-from dslam_mav.mav.mission.transfer import start, upload
+from dslam_mav.mav.mission.transfer import upload
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mav.ports import Port
 from dslam_mav.mav.signing import Signing
@@ -40,7 +40,6 @@ ESTIMATE_PATIENCE_S = 120.0
 """How long the last estimate may take once the flight is over or interrupted; a second Ctrl-C ends it at once."""
 
 _REFRESH_S = 0.1
-_ERROR = 3  # MAV_SEVERITY
 _BEAT_AGAIN_S = 0.1
 
 
@@ -152,27 +151,11 @@ def _follow(vehicle: Met, crew: _Crew, legs: LegPlan, screen: Screen) -> DslamEr
         background(crew.onboard.run, "onboard", ESTIMATE_PATIENCE_S) as estimating,
     ):
         try:
-            _begin(vehicle, (reading, estimating), screen)
+            begin(vehicle, (reading, estimating), screen)
             _watch(vehicle.ground, (reading, estimating), crew.updates, legs, screen)
         except KeyboardInterrupt as signal:
             interrupted = signal
     return interrupted or _problem(reading, estimating, answered=crew.onboard.result is not None)
-
-
-def _begin(vehicle: Met, workers: tuple[Background, Background], screen: Screen) -> None:
-    time.sleep(0.3)  # a vehicle forwards only to those whose heartbeat it has heard
-    for worker in workers:
-        worker.check()
-    told: set[str] = set()
-
-    def waiting(why: str) -> None:
-        advance("waiting until it is armed", 0, None, why)
-        if why not in told:
-            told.add(why)
-            screen.say(f"{why[0].upper()}{why[1:]}: trying again")
-
-    with screen.progress("starting the mission") as advance:
-        start(vehicle.ground, vehicle.system, READY_PATIENCE_S, waiting)
 
 
 def _watch(
@@ -193,7 +176,7 @@ def _watch(
                 frame = ground.receive(0.02)
                 if frame is not None and frame.message.get_srcComponent() == COMPONENT_AUTOPILOT:
                     seen.see(frame.message)
-                    _complain(frame.message, screen)
+                    complain(frame.message, screen)
                     if frame.message.get_type() == "HEARTBEAT" and time.monotonic() - beat_s > _BEAT_AGAIN_S:
                         beat_s = time.monotonic()  # a simulator in a hurry counts our seconds by its clock
                         ground.send_heartbeat()
@@ -207,12 +190,6 @@ def _watch(
                     screen.follow(under_way(update.estimate, update.legs_flown, len(legs.lengths_m)))
             if reading.error is not None and not isinstance(reading.error, LinkError):
                 return
-
-
-def _complain(message: Any, screen: Screen) -> None:
-    """What the vehicle says of a failsafe, or the like, a person should read at once."""
-    if message.get_type() == "STATUSTEXT" and message.severity <= _ERROR:
-        screen.warn(f"vehicle {message.get_srcSystem()} says: {' '.join(message.text.split())}")
 
 
 def _problem(reading: Background, estimating: Background, *, answered: bool) -> DslamError | None:

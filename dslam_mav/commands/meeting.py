@@ -42,7 +42,7 @@ class Met:
         """A plan whose items have the numbers they have in the vehicle."""
         if self.profile.home_item and mission.items:
             return with_home_item(mission)
-        return without_home_item(mission) if self.profile.starts_armed else mission
+        return without_home_item(mission) if self.profile.no_home_item else mission
 
     def estimator(self) -> Role:
         """The estimator's end: on the second connection, if there are several."""

@@ -19,16 +19,20 @@ _GROUND_TYPES = frozenset({10, 11})  # rover, boat
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """`home_item`: item 0 is its home. `takes_unset`: NaN may stand for a parameter that is not set.
+    """`home_item`: item 0 is its home; `no_home_item`: it has none and would fly there.
+
+    `takes_unset`: NaN may stand for a parameter that is not set.
 
     `corner_hold_s`, `corner_accept_m`: the least wait and the acceptance radius (0: its own) with which corners are
     flown to and not past. `whole_holds`, `altitude_step_m`: how it rounds what it stores. `bytewise`: integer
     parameters travel as their bytes, not as their value. `starts_armed`: MISSION_START arms. `guided_first`: arming is
-    judged in the mode GUIDED. `asks_late`: it streams unasked, so that it is asked for what does not come only.
+    judged in the mode GUIDED. `checks_later`: it accepts missions that it then will not fly. `asks_late`: it streams
+    unasked, so that it is asked for what does not come only.
     """
 
     name: str
     home_item: bool = False
+    no_home_item: bool = False
     takes_unset: bool = True
     corner_hold_s: float = 0.0
     corner_accept_m: float = 0.0
@@ -56,7 +60,15 @@ _ARDUPILOT = Profile(
     guided_first=True,
     asks_late=False,
 )
-_PX4 = Profile("px4", corner_hold_s=1.0, corner_accept_m=0.5, bytewise=True, starts_armed=True, checks_later=True)
+_PX4 = Profile(
+    "px4",
+    no_home_item=True,
+    corner_hold_s=1.0,
+    corner_accept_m=0.5,
+    bytewise=True,
+    starts_armed=True,
+    checks_later=True,
+)
 # takes what either would make of an item: nothing is known of it
 _GENERIC = Profile("generic", whole_holds=True, altitude_step_m=0.01)
 

@@ -129,7 +129,7 @@ class Autopilot:
 
     def arm(self) -> Refusal:
         """Arm; in mission mode the flight begins."""
-        if not self.armed and (why := self._why_not_armed()):
+        if not self.armed and (why := self.navigation.refusal(self.time_ms, guided=self.guided)):
             return why
         if not self.armed:
             self.armed = True
@@ -152,10 +152,8 @@ class Autopilot:
         """Mission mode, and the flight begins (or goes on)."""
         if not self.armed and self.manners.start_lies:
             return ""
-        if not self.armed and self.manners.start_arms:
-            why = "no valid mission" if not self._items else self.arm()
-            if why:
-                return why
+        if self.manners.start_arms and (why := self.arm() if self._items else "no valid mission"):
+            return why
         if not self.armed:
             return "mission start refused: not armed"
         return self.set_mode(Mode.MISSION)
@@ -174,12 +172,6 @@ class Autopilot:
             self._go_home(mode)
         self._set_mode(mode)
         return ""
-
-    def _why_not_armed(self) -> Refusal:
-        if self.manners.guided_first and not self.guided:
-            return "Arm: mode not armable"
-        why = self.navigation.why_not(self.time_ms)
-        return f"PreArm: {why}" if why else ""
 
     def _failsafe_ms(self) -> int:
         landing = self._flight is not None and not self._flight.is_mission

@@ -64,6 +64,13 @@ class Navigation:
             return "VisOdom: not healthy"
         return ""
 
+    def refusal(self, time_ms: int, *, guided: bool) -> str:
+        """The answer to who wants to arm it; "" if it will be."""
+        if self._manners.guided_first and not guided:
+            return "Arm: mode not armable"
+        why = self.why_not(time_ms)
+        return f"PreArm: {why}" if why else ""
+
     @property
     def failsafe_ms(self) -> int:
         """When a vehicle in flight gives up, unless its feed goes on."""

@@ -16,6 +16,7 @@ from dslam_mav.mav.frames import messages
 from dslam_mav.mission import DEGREES_E7, Home, enu_to_e7
 from sim_bridge.loopback.flight_model import Place
 from sim_bridge.loopback.manners import Manners, Mode
+from sim_bridge.loopback.simulated import hil_state_quaternion, sim_state
 
 __all__ = ["Manners", "MissionState", "Mode", "Snapshot", "build"]
 
@@ -163,28 +164,6 @@ def _global_position_int(now: Snapshot) -> Any:
     )
 
 
-def _sim_state(now: Snapshot) -> Any | None:
-    if now.manners.name != "ardupilot":
-        return None
-    x, y = enu_to_e7(now.true_m[1], now.true_m[0], now.home)
-    roll_pitch_yaw, nothing = now.attitude_rad, (0.0,) * 6
-    return messages().MAVLink_sim_state_message(
-        1.0, 0.0, 0.0, 0.0, *roll_pitch_yaw, *nothing, float(x), float(y), now.home.altitude_m - now.true_m[2],
-        0.0, 0.0, *now.velocity_m_s, x, y,
-    )  # fmt: skip
-
-
-def _hil_state_quaternion(now: Snapshot) -> Any | None:
-    if now.manners.name != "px4":
-        return None
-    x, y = enu_to_e7(now.true_m[1], now.true_m[0], now.home)
-    velocity_cm_s = [round(v * 100) for v in now.velocity_m_s]
-    return messages().MAVLink_hil_state_quaternion_message(
-        now.time_ms * 1000, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, x, y,
-        round((now.home.altitude_m - now.true_m[2]) * 1000), *velocity_cm_s, 0, 0, 0, 0, 0,
-    )  # fmt: skip
-
-
 def _mission_current(now: Snapshot) -> Any:
     return messages().MAVLink_mission_current_message(
         now.seq, now.n_items, int(now.mission_state), int(now.mode is Mode.MISSION)
@@ -248,8 +227,8 @@ _BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
     MISSION_CURRENT: _mission_current,
     VFR_HUD: _vfr_hud,
     AUTOPILOT_VERSION: _autopilot_version,
-    SIM_STATE: _sim_state,
-    HIL_STATE_QUATERNION: _hil_state_quaternion,
+    SIM_STATE: lambda now: sim_state(now) if now.manners.name == "ardupilot" else None,
+    HIL_STATE_QUATERNION: lambda now: hil_state_quaternion(now) if now.manners.name == "px4" else None,
     HOME_POSITION: _home_position,
     EXTENDED_SYS_STATE: _extended_sys_state,
 }

@@ -43,7 +43,7 @@ def test_px4_takes_off_and_flies_a_plan_that_has_a_home_item(flown: Any, tmp_pat
         )  # fmt: skip
     assert (done.code, done.err) == (0, "")
     assert "get an acceptance radius of 0.5 m" in done.out
-    assert "sources" in done.out
+    assert "noise sd" in done.out
 
 
 def test_odometry_is_fed_by_us_and_several_connections_are_shared_out(flown: Any, tmp_path: Path) -> None:

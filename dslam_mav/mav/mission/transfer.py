@@ -171,7 +171,7 @@ def _for_vehicle(talk: Talk, mission: Mission) -> tuple[tuple[MissionItem, ...],
     if not profile.takes_unset:
         items = tuple(_all_set(item) for item in items)
     if not profile.home_item or not items:
-        return (without_home_item(mission).items if profile.starts_armed else items), 0
+        return (without_home_item(mission).items if profile.no_home_item else items), 0
     if _is_home(items[0]):
         return items, 1
     placed = next((item for item in items if item.has_position), items[0])
