@@ -7,6 +7,7 @@ converts a flight's log. One row each; exit code 1 if anything fails.
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import subprocess
 import sys
@@ -38,8 +39,9 @@ class MavProxy:
         words = [str(program), f"--master={url}", "--streamrate=-1", "--default-modules=wp,misc,link,param,mode"]
         words += [f"--state-basedir={folder}", f"--logfile={folder / 'mav.tlog'}", "--nowait"]
         self._process = subprocess.Popen(
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder
-        )
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -100,6 +102,7 @@ def _mavproxy_session(client: MavProxy, url: str, written: Path, plan: Mission) 
     client.tell("wp list")
     if not client.await_words(rf"Requesting {len(held.items)} waypoints"):
         return f"wp list: {client.said[-300:]!r}"
+    client.tell("set target_component 0")  # or it watches the autopilot's own messages only
     client.tell("watch NAMED_VALUE_FLOAT")
     with Link(url, system=1, component=158) as bridge:
         wait_for_vehicle(bridge, 5.0)
