@@ -90,7 +90,8 @@ def suit(vehicle: Met, mission: Mission, options: Namespace, screen: Screen, *, 
             READY_PATIENCE_S,
             lambda why: advance("waiting for the vehicle's position", 0, None, why),
         )
-    mission = _near(mission, place, vehicle.system, options, here=here)
+    if place is not None:
+        mission = _near(mission, place, vehicle.system, options, here=here)
     mission, notes = suited(mission, vehicle.profile, Talk(vehicle.ground, vehicle.system).autopilot()[1])
     for note in notes:
         screen.say(f"{note[0].upper()}{note[1:]}")

@@ -24,21 +24,24 @@ _OPTIONAL_US = {"SIM_STATE": 200_000, "HIL_STATE_QUATERNION": 200_000, "SYS_STAT
 _AGAIN_S = 1.0
 _LOOK_S = 2.0
 _GPS = 3  # of EK3_SRC1_POSXY
+_EKFS = ("ardupilot", "px4")
 
 Waiting = Callable[[str], None]
 
 
 def stands_at(
     link: Port, vehicle_system: int, otherwise: Home | None, patience_s: float, waiting: Waiting | None = None
-) -> Home:
+) -> Home | None:
     """The vehicle's place. One without GPS is told it is where its simulator has it, or else at `otherwise`.
 
-    LinkError when it knows no place within `patience_s`.
+    LinkError when an ArduPilot or a PX4 knows no place within `patience_s`; None for others, which may not tell theirs.
     """
     talk = Talk(link, vehicle_system)
     began_s = time.monotonic()
     if (place := _look(talk, began_s + _LOOK_S)[0]) is not None:
         return place
+    if talk.profile().name not in _EKFS:
+        return None
     origin_wanted = None
     told_s = 0.0
     while time.monotonic() < began_s + patience_s:
@@ -67,8 +70,6 @@ def without_gps(talk: Talk) -> bool | None:
     if talk.profile().name == "px4":
         control = read_param(talk, "EKF2_GPS_CTRL")
         return None if control is None else control.value == 0
-    if talk.profile().name != "ardupilot":
-        return False
     source = read_param(talk, "EK3_SRC1_POSXY")
     return None if source is None else source.value != _GPS
 

@@ -223,7 +223,7 @@ def test_start_of_an_ardupilot_goes_by_guided_and_tells_the_prearm_text() -> Non
     with ScriptedVehicle(answer, autopilot=3) as fake, ground(fake.url) as link:
         with pytest.raises(MissionError, match='refused to arm: failed: "PreArm: GPS 1: Bad fix"'):
             start(link, 1)
-    assert commands == [(176, 1.0, 4.0), (400, 1.0, 0.0)]
+    assert commands == [(224, 1.0, 1.0), (176, 1.0, 4.0), (400, 1.0, 0.0)]
 
 
 def test_two_stations_at_once_one_wins_and_the_mission_is_whole() -> None:

@@ -239,7 +239,7 @@ def test_a_feed_that_stops_lands_it() -> None:
             finally:
                 stop.set()
                 feeding.join()
-            assert feed.sent > 20
+            assert feed.sent > 0
             until_s, said = time.monotonic() + 10.0, ""
             while time.monotonic() < until_s and "Failsafe" not in said:
                 frame = ground.receive(1.0)
