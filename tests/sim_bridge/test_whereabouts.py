@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import math
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dslam_mav.errors import LinkError
-from dslam_mav.mav.frames import messages
+from dslam_mav.mav.frames import Parser, messages
 from dslam_mav.mission import Home, enu_to_e7
 from sim_bridge.odometry_feed import OdometryFeed, to_body
 from sim_bridge.whereabouts import Whereabouts
@@ -94,3 +98,36 @@ def test_odometry_is_of_the_body_and_in_the_frames_ardupilot_takes() -> None:
     assert (second.x, second.y, second.z) == pytest.approx((4.0, 3.0, -2.0), abs=0.01)
     half = 0.5**0.5  # turned to the east: north is to the left
     assert to_body((1.0, 0.0, 0.0), (half, 0.0, 0.0, half)) == pytest.approx((0.0, -1.0, 0.0), abs=1e-9)
+
+
+FLIGHTS = Path(__file__).parents[3] / "shared" / "data" / "flights"
+
+
+@pytest.mark.parametrize("name", ["copter_flow_k2_static", "rover_gps_k2_static"])
+def test_a_recorded_simulator_is_placed_where_its_readings_were_taken(name: str) -> None:
+    """What ArduPilot's simulator sent, through us: the recorded readings are the field at the places we make of it."""
+    log, told = FLIGHTS / f"{name}.tlog", FLIGHTS / f"{name}.truth.json"
+    if not log.exists():
+        pytest.skip(f"recorded flights are not here: {FLIGHTS}")
+    truth = json.loads(told.read_text())
+    where, off = Whereabouts(None, Home(*truth["home"])), []
+    placed: tuple[int, Any] | None = None
+    for message in (frame.message for frame in Parser().feed(log.read_bytes(), 0)):
+        if (message.get_srcSystem(), message.get_srcComponent()) == (1, 1):
+            placed = where.hear(message, settled=False) or placed
+        elif message.get_type() == "NAMED_VALUE_FLOAT" and placed and placed[0] == message.time_boot_ms:
+            off.append(message.value - field(truth, placed[1]))
+    assert where.used == "sim"
+    assert len(off) > 1000
+    assert np.std(off) == pytest.approx(truth["noise_sd"], rel=0.1)
+    assert abs(np.mean(off)) < 0.01
+
+
+def field(truth: dict[str, Any], place_m: tuple[float, float, float]) -> float:
+    c_m2 = truth["spread_sqrtC_m_at_start"] ** 2
+    value = truth["medium"]["ambient"]
+    for source in truth["sources"]:
+        north_m, east_m = source["position_ned_m"]
+        squared = (place_m[0] - east_m) ** 2 + (place_m[1] - north_m) ** 2
+        value += source["amplitude"] / (math.pi * c_m2) * math.exp(-squared / c_m2)
+    return float(value)
