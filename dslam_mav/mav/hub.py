@@ -13,8 +13,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from dslam_mav.errors import LinkError
-from dslam_mav.mav.frames import COMPONENT_GROUND, SYSTEM_GROUND, Encoder, Frame, parse_frame
-from dslam_mav.mav.link import Link, heartbeat
+from dslam_mav.mav.frames import COMPONENT_GROUND, SYSTEM_GROUND, Encoder, Frame, heartbeat, parse_frame
+from dslam_mav.mav.link import Link
 from dslam_mav.mav.profile import Profile
 from dslam_mav.mav.signing import Signing
 

@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from dslam_mav.errors import LinkError
-from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, COMPONENT_GROUND, Encoder, Frame, Parser, messages
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Encoder, Frame, Parser, heartbeat, messages
 from dslam_mav.mav.ports import Port
 from dslam_mav.mav.profile import Profile
 from dslam_mav.mav.signing import Signing, Verifier, refusals_in_words
@@ -207,13 +207,6 @@ class Link:
             with self._lock:
                 del self._peers[min(self._peers, key=self._peers.__getitem__)]
         self._peers[address] = time.monotonic()
-
-
-def heartbeat(component: int) -> Any:
-    """The HEARTBEAT of a ground station, or of a component on board."""
-    dialect = messages()
-    kind = dialect.MAV_TYPE_GCS if component == COMPONENT_GROUND else dialect.MAV_TYPE_ONBOARD_CONTROLLER
-    return dialect.MAVLink_heartbeat_message(kind, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
 
 
 def wait_for_vehicle(link: Port, timeout_s: float) -> int:

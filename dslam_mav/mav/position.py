@@ -20,7 +20,7 @@ from dslam_mav.mav.truth import true_place
 from dslam_mav.mission import DEGREES_E7, Home
 
 _WANTED_US = {"GLOBAL_POSITION_INT": 200_000}
-_OPTIONAL_US = {"SIM_STATE": 200_000, "HIL_STATE_QUATERNION": 200_000, "SYS_STATUS": 500_000}
+_OPTIONAL_US = {"SIM_STATE": 200_000, "HIL_STATE_QUATERNION": 200_000}
 _AGAIN_S = 1.0
 _LOOK_S = 2.0
 _GPS = 3  # of EK3_SRC1_POSXY

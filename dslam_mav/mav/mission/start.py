@@ -19,6 +19,7 @@ _CUSTOM_MODE = 1
 _AUTO_MODE = 4
 
 _ARMED_WITHIN_S = 3.0
+_FLIES_WITHIN_S = 10.0
 _AGAIN_S = 1.0
 _STARTS = 3
 
@@ -84,21 +85,25 @@ def _start_ardupilot(talk: Talk, patient: _Patient) -> None:
         if _flies(talk, auto):
             return
         patient.waiting(f"vehicle {talk.system} disarmed before its mission began{talk.last_words()}: once more")
-    words = talk.last_words()
-    raise MissionError(f"vehicle {talk.system} accepted the start of its mission but does not fly it{words}")
+    raise _grounded(talk)
 
 
 def _flies(talk: Talk, auto: int) -> bool:
-    """Whether the HEARTBEATs from now on say armed and AUTO."""
+    """Whether the HEARTBEATs from now on say armed and AUTO; MissionError if they say neither that nor disarmed."""
     talk.receive(time.monotonic())
-    seen, until_s = talk.beats, time.monotonic() + _ARMED_WITHIN_S
+    seen, until_s = talk.beats, time.monotonic() + _FLIES_WITHIN_S
     while time.monotonic() < until_s:
         talk.receive(until_s)
         if talk.beats > seen and talk.state == (True, auto):
             return True
         if talk.beats > seen + 1 and not talk.state[0]:
             return False
-    return False
+    raise _grounded(talk)
+
+
+def _grounded(talk: Talk) -> MissionError:
+    words = talk.last_words()
+    return MissionError(f"vehicle {talk.system} accepted the start of its mission but does not fly it{words}")
 
 
 def _refused(talk: Talk, what: str, result: int) -> MissionError:

@@ -216,6 +216,8 @@ def _check_flyable(talk: Talk) -> None:
             talk.system, COMPONENT_AUTOPILOT, _REQUEST_MESSAGE, 0, _MISSION_CURRENT, 0, 0, 0, 0, 0, 0
         )
     )
+    if _REJECTED in talk.text.lower():  # said while it was read back
+        raise MissionError(f"vehicle {talk.system} took the mission but will not fly it{talk.words()}")
     until_s = time.monotonic() + _FLYABLE_WAIT_S
     while (message := talk.receive(until_s)) is not None and time.monotonic() < until_s:
         if message.get_type() == "MISSION_CURRENT" and message.mission_state > _NO_MISSION:
