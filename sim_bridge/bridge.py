@@ -18,13 +18,14 @@ import numpy as np
 
 from dslam_mav.errors import LinkError
 from dslam_mav.mav import readings
-from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame, messages
 from dslam_mav.mav.ports import Port
 from dslam_mav.mav.streams import TRUTH_US, StreamRequests
 from dslam_mav.observations import Reading
 from sim_bridge.fields.field import Field
 from sim_bridge.sampling import Sampler, Samples, Sampling
 from sim_bridge.whereabouts import Whereabouts
+from sim_bridge.wire_clock import WireClock
 
 _HEARTBEAT_S = 1.0
 _POLL_S = 0.05
@@ -72,6 +73,9 @@ class Bridge:
         self.where = where or Whereabouts("vehicle")
         self._ask_after_s = ask_after_s
         self._streams: StreamRequests | None = None
+        self._clock = WireClock()
+        self._current: int | None = None
+        self._armed = False
 
     def run(self, stop: threading.Event, *, silence_s: float = SILENCE_S) -> None:
         """Serve until the last vertex is reached or `stop` is set.
@@ -101,12 +105,31 @@ class Bridge:
     def hear(self, message: Any) -> None:
         """One message of the vehicle: sends the readings that are due by it."""
         placed = self.where.hear(message, settled=self.sampler.started)
+        kind = message.get_type()
         if placed is not None:
-            self._send(self.sampler.position(*placed))
-        elif message.get_type() == "MISSION_ITEM_REACHED":
+            time_ms, restarted = self._clock.take(placed[0])
+            if restarted:
+                self.sampler.interrupted()
+            self._send(self.sampler.position(time_ms, placed[1]))
+        elif kind == "MISSION_ITEM_REACHED":
             self.sampler.reached(message.seq)
             if self.sampler.started:
                 self.where.check()
+        elif kind == "MISSION_CURRENT":
+            self._heading_for(message)
+        elif kind == "HEARTBEAT":
+            armed = bool(message.base_mode & messages().MAV_MODE_FLAG_SAFETY_ARMED)
+            if self._armed and not armed:
+                self.sampler.landed()
+            self._armed = armed
+
+    def _heading_for(self, message: Any) -> None:
+        """MISSION_CURRENT says the same as MISSION_ITEM_REACHED, should that be lost, and that the mission is over."""
+        before, self._current = self._current, int(message.seq)
+        if before is not None and self._current > before:
+            self.sampler.passed(before, self._current)
+        if message.mission_state == messages().MISSION_STATE_COMPLETE:
+            self.sampler.landed()
 
     def _is_vehicle(self, frame: Frame) -> bool:
         message = frame.message
@@ -122,5 +145,6 @@ class Bridge:
             if math.isnan(value):
                 self.missing += 1
                 continue
-            self._link.send(readings.to_message(Reading(int(time_ms), float(value), self._name)))
+            on_wire_ms = self._clock.on_wire(int(time_ms))
+            self._link.send(readings.to_message(Reading(on_wire_ms, float(value), self._name)))
             self.sent += 1

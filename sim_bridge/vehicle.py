@@ -22,11 +22,13 @@ from sim_bridge.loopback.autopilot import Autopilot
 from sim_bridge.loopback.endpoints import Endpoints, Peer
 from sim_bridge.loopback.flight import Outgoing
 from sim_bridge.loopback.habit_service import HabitService
-from sim_bridge.loopback.link_faults import Air, LinkFaults
+from sim_bridge.loopback.link_faults import Air, LinkFaults, parse_link_faults
 from sim_bridge.loopback.manners import manners
 from sim_bridge.loopback.mission_service import MissionService
 from sim_bridge.loopback.router import Router
 from sim_bridge.loopback.telemetry import HEARTBEAT, build
+
+__all__ = ["DEFAULT_HOME", "Vehicle", "parse_link_faults"]
 
 DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 

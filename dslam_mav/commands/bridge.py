@@ -59,6 +59,8 @@ def run(options: Namespace) -> int:
             worker.check()
     if bridge.missing:
         screen.warn(f"{readings.name}: {bridge.missing} readings left out, it has no value for that time or place")
+    if unplaced := bridge.sampler.unplaced:
+        screen.warn(f"{readings.name}: {unplaced} readings left out, the vehicle's place was not heard")
     screen.say(f"{bridge.sent} readings sent")
-    screen.result({"sent": bridge.sent, "missing": bridge.missing})
+    screen.result({"sent": bridge.sent, "missing": bridge.missing, "unplaced": unplaced})
     return 0

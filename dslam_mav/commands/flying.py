@@ -207,6 +207,8 @@ def _missing(readings: Readings, bridge: Bridge) -> list[str]:
         lines.append(f"{readings.name}: {bridge.missing} readings left out, it has no value for that time or place")
     if bridge.sampler.skipped:
         lines.append(f"{readings.name}: {bridge.sampler.skipped} readings left out, faster than one a millisecond")
+    if bridge.sampler.unplaced:
+        lines.append(f"{readings.name}: {bridge.sampler.unplaced} readings left out, the vehicle's place was not heard")
     return lines
 
 

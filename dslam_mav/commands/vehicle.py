@@ -10,8 +10,7 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
 from dslam_mav.errors import BadInputError
 from dslam_mav.mission import Home
-from sim_bridge.loopback.link_faults import parse_link_faults
-from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
+from sim_bridge.vehicle import DEFAULT_HOME, Vehicle, parse_link_faults
 
 
 def run(options: Namespace) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.legs.distance import Distance, Motion, Placed, place
+from dslam_mav.legs.passing import Event, settle
 from dslam_mav.legs.plan import PlanFacts
 
 Array = NDArray[np.float64]
@@ -31,19 +32,6 @@ STRAIGHT_SHARE = 0.6
 """A way over items nobody reported is a leg only if its ends are so far apart, as a share of the way."""
 
 AUTOPILOT = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A mission item passed at `time_ms`, the `index`-th event; `run` changes when numbers start again, `boot`
-    when the vehicle's clock does.
-    """
-
-    seq: int
-    time_ms: int
-    run: int
-    index: int
-    boot: int = 0
 
 
 @dataclass(slots=True)
@@ -89,6 +77,8 @@ def assemble(
     odometry = np.array(samples.odometry, dtype=np.float64).reshape(-1, 6)
     speed = np.array(samples.speed, dtype=np.float64).reshape(-1, 3)
     chains: list[list[FlownLeg]] = [[]]
+    if plan is not None:
+        events = settle(events, plan, _speeds(odometry, speed))
     ways = list(_ways(events, plan))
     for start, end in ways:
         inside = slice(*np.searchsorted(time_ms, [start.time_ms, end.time_ms]))
@@ -124,6 +114,14 @@ def _ways(events: Sequence[Event], plan: PlanFacts | None) -> Iterator[tuple[Eve
             yield start, end
 
 
+def _speeds(odometry: Array, speed: Array) -> Array:
+    """(N, 2) times and speeds over ground, by dead reckoning or else as told; times rise."""
+    squares = odometry[:, 4] * odometry[:, 4] + odometry[:, 5] * odometry[:, 5]
+    told = np.column_stack([odometry[:, 1], np.sqrt(squares)]) if squares.any() else speed[:, 1:]
+    _, first = np.unique(told[:, 0], return_index=True)
+    return np.asarray(told[first])
+
+
 def _motion(odometry: Array, speed: Array, start: Event, end: Event) -> Motion:
     """The samples of one way: they came between its two events, and their own times say so too."""
     o, s = (_between(samples, start, end) for samples in (odometry, speed))
@@ -132,7 +130,7 @@ def _motion(odometry: Array, speed: Array, start: Event, end: Event) -> Motion:
 
 
 def _between(samples: Array, start: Event, end: Event) -> Array:
-    arrived = (samples[:, 0] > start.index) & (samples[:, 0] <= end.index)
+    arrived = (samples[:, 0] > start.opened_at) & (samples[:, 0] <= end.index)
     timely = (samples[:, 1] >= start.time_ms) & (samples[:, 1] <= end.time_ms)
     own = samples[arrived & timely]
     _, first = np.unique(own[:, 1], return_index=True)
@@ -154,14 +152,18 @@ def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     senders: defaultdict[str, set[int]] = defaultdict(set)
     for name, component in samples.readings:
         senders[name].add(component)
-    values: defaultdict[int, list[float]] = defaultdict(list)
-    for (name, component), taken in sorted(samples.readings.items()):
-        if component != AUTOPILOT or senders[name] == {AUTOPILOT}:
-            for time_ms, value in taken.items():
-                values[time_ms].append(value)
-    times = sorted(values)
-    means = [sum(values[t]) / len(values[t]) for t in times]
-    return np.array(times, dtype=np.int64), np.array(means, dtype=np.float64)
+    chosen = [
+        taken
+        for (name, component), taken in sorted(samples.readings.items())
+        if component != AUTOPILOT or senders[name] == {AUTOPILOT}
+    ]
+    if not chosen:
+        return np.empty(0, np.int64), np.empty(0)
+    times = np.concatenate([np.fromiter(taken.keys(), np.int64, len(taken)) for taken in chosen])
+    values = np.concatenate([np.fromiter(taken.values(), np.float64, len(taken)) for taken in chosen])
+    order = np.argsort(times, kind="stable")
+    time_ms, first, counts = np.unique(times[order], return_index=True, return_counts=True)
+    return time_ms, np.add.reduceat(values[order], first) / counts
 
 
 def _choose(

@@ -19,7 +19,7 @@ from sim_bridge.loopback.link_faults import Air
 MAX_PEERS = 32
 FORGET_S = 60.0  # every role sends a HEARTBEAT each second
 _CHUNK_BYTES = 65536
-_DATAGRAMS_AT_ONCE = 256
+_DATAGRAMS_AT_ONCE = 8192  # all that waits, so that simulated time does not run away from a busy host
 _IN, _OUT = "in", "out"
 
 

@@ -19,7 +19,7 @@ HELD_S = 0.1
 """How long a packet is held back at most, where no three others come to overtake it."""
 
 _OVERTAKEN_BY = 3
-_QUIET_AFTER_S = (1.0, 6.0)
+_QUIET_AFTER_S = (2.0, 10.0)
 _REMEMBERED = 20
 _GARBLED_BYTES = 4
 _WRAP_MS = 2**32

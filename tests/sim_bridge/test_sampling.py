@@ -47,7 +47,7 @@ def fly(
         time_ms += hold_ms
         sampler.reached(seq)
         taken.append(leg)
-    taken.append([sampler.position(time_ms + 1000, (50.0, 50.0, 1.0))])
+    taken.append([sampler.position(time_ms + 5 * step_ms, (50.0, 50.0, 1.0))])
     return taken
 
 

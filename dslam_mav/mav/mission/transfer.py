@@ -17,6 +17,8 @@ from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, messages
 from dslam_mav.mav.mission.compare import command_name, first_difference
 from dslam_mav.mav.mission.messages import from_message, to_message
 from dslam_mav.mav.mission.protocol import (
+    CANCELLED,
+    ERROR,
     Message,
     Phase,
     Step,
@@ -48,6 +50,7 @@ from dslam_mav.mission import (
 __all__ = ["clear", "download", "start", "upload"]
 
 _ATTEMPTS = 3
+_GAVE_UP = (CANCELLED, ERROR)  # the vehicle waited too long for an item, or got one when it did not wait any more
 _LIMIT_S = 20.0
 _LIMIT_PER_ITEM_S = 1.0
 _HOME_WAIT_S = 1.0
@@ -76,6 +79,8 @@ def upload(link: Port, vehicle_system: int, mission: Mission, progress: Progress
     for left in reversed(range(_ATTEMPTS)):
         now_s = time.monotonic()
         end = _run(talk, begin_upload(items, now_s), step_upload, progress)
+        if end.phase is Phase.REFUSED and end.result in _GAVE_UP and end.seq >= 0 and left:
+            continue
         if end.phase is Phase.REFUSED:
             raise MissionError(_refusal(talk, end, items))
         if end.phase is Phase.SILENT and (end.seq < 0 or not left):
