@@ -104,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
     for add in (
-        _plan, _transfer, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _export, _recover, _layout,
+        _plan, _transfer, _check, _vehicle, _bridge, _onboard, _fly, _replay, _report, _info, _export, _recover, _layout,
     ):  # fmt: skip
         add(commands)
     add_paper(commands, argparse.RawDescriptionHelpFormatter)
@@ -159,6 +159,25 @@ def _transfer(commands: Commands[_Parser]) -> None:
     shared.vehicle_link(clear)
 
 
+def _check(commands: Commands[_Parser]) -> None:
+    parser = _add(
+        commands, "check", "is a vehicle set to fly without GPS; set it so, or put back what was",
+        "--connect tcp:127.0.0.1:5760 --navigation flow --fix", ("check", "run"),
+    )  # fmt: skip
+    parser.add_argument(
+        "--navigation", choices=("flow", "odometry", "vision"),
+        help="what it is to fly by: optical flow, ODOMETRY or VISION_POSITION_ESTIMATE (default: what it is set for, "
+        "or else flow)",
+    )  # fmt: skip
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--fix", action="store_true", help="set what differs, read it back, remember what it was")
+    what.add_argument("--restore", action="store_true", help="put back what --fix changed")
+    parser.add_argument(
+        "--saved", metavar="FILE", help="where it is remembered (default: vehicle-ID-parameters.json here)"
+    )
+    shared.vehicle_link(parser)
+
+
 def _vehicle(commands: Commands[_Parser]) -> None:
     parser = _add(
         commands, "vehicle", "a MAVLink autopilot stand-in that flies missions in straight legs",
@@ -169,6 +188,14 @@ def _vehicle(commands: Commands[_Parser]) -> None:
     )
     parser.add_argument("--speedup", metavar="X", type=POSITIVE, default=1.0, help="times real time (default: 1)")
     parser.add_argument("--system", metavar="ID", type=COUNT, default=1, help="MAVLink system id (default: 1)")
+    parser.add_argument(
+        "--profile", choices=("strict", "ardupilot", "px4"), default="strict",
+        help="behave to the letter of the standard, or as ArduCopter or PX4 really do (default: strict)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--feed", choices=("gps", "flow", "odometry"), default="gps",
+        help="what a vehicle with such a profile navigates by; odometry must be sent to it, or it lands (default: gps)",
+    )  # fmt: skip
     parser.add_argument("--home", metavar="LAT,LON[,ALT]", help="where it stands, degrees and metres")
     parser.add_argument("--cruise-speed", metavar="M_S", type=POSITIVE, default=5.0, help="unless the mission says (5)")
     parser.add_argument("--seed", metavar="N", type=SEED, help="repeats a flight exactly")
@@ -192,6 +219,8 @@ def _bridge(commands: Commands[_Parser]) -> None:
     shared.source_of_readings(parser)
     parser.set_defaults(sources=None)
     parser.add_argument("--seed", metavar="N", type=SEED, help="of the noise (default: the scene's)")
+    shared.truth_from(parser)
+    shared.feed_odometry(parser)
     shared.vehicle_link(parser)
 
 
@@ -215,8 +244,13 @@ def _fly(commands: Commands[_Parser]) -> None:
     shared.source_of_readings(parser)
     shared.assumptions(parser)
     shared.vehicle_link(
-        parser, required=False, help_text="udpout:HOST:PORT or tcp:HOST:PORT (default: a loopback vehicle of its own)"
-    )
+        parser, required=False, several=True,
+        help_text=f"{shared.CONNECT_HELP}; all goes over it, or over several: again for the estimator, again for the "
+        "bridge (default: a loopback vehicle of its own)",
+    )  # fmt: skip
+    parser.add_argument("--here", action="store_true", help="fly the PLAN from where the vehicle stands")
+    shared.truth_from(parser)
+    shared.feed_odometry(parser)
     parser.add_argument("--out", metavar="DIR", default="logs", help="parent of the flight's folder (default: logs)")
     parser.add_argument(
         "--speedup", metavar="X", type=POSITIVE, default=10.0, help="of the loopback vehicle (default: 10)"

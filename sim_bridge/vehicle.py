@@ -21,7 +21,9 @@ from sim_bridge.loopback import commands
 from sim_bridge.loopback.autopilot import Autopilot
 from sim_bridge.loopback.endpoints import Endpoints, Peer
 from sim_bridge.loopback.flight import Outgoing
+from sim_bridge.loopback.habit_service import HabitService
 from sim_bridge.loopback.link_faults import Air, LinkFaults, parse_link_faults
+from sim_bridge.loopback.manners import manners
 from sim_bridge.loopback.mission_service import MissionService
 from sim_bridge.loopback.router import Router
 from sim_bridge.loopback.telemetry import HEARTBEAT, build
@@ -40,7 +42,8 @@ class Vehicle:
 
     `listen`: "udpin:HOST:PORT" or "tcpin:HOST:PORT", port 0 for any free one. BadInputError on a malformed
     URL or option, LinkError on a port in use. With `signing` it heeds and passes on only what is signed with that key.
-    `link_faults` befall all it sends and receives.
+    `link_faults` befall all it sends and receives. `profile`: "strict", or "ardupilot" or "px4" with their ways;
+    `feed`: what such a one navigates by, "gps", "flow" or "odometry".
     """
 
     def __init__(
@@ -55,6 +58,8 @@ class Vehicle:
         position_rate_hz: float = 50.0,
         signing: Signing | None = None,
         link_faults: LinkFaults | None = None,
+        profile: str = "strict",
+        feed: str = "gps",
     ) -> None:
         _expect("system", system, 1, 255)
         _expect("speedup", speedup, 0.01, 1000.0)
@@ -62,9 +67,14 @@ class Vehicle:
         _expect("position rate", position_rate_hz, 0.1, 1000.0)
         self._speedup = speedup
         self._autopilot = Autopilot(
-            home, cruise_speed_m_s=cruise_speed_m_s, position_rate_hz=position_rate_hz, seed=seed
+            home,
+            cruise_speed_m_s=cruise_speed_m_s,
+            position_rate_hz=position_rate_hz,
+            seed=seed,
+            manners=manners(profile, feed),
         )
-        self._missions = MissionService(self._autopilot)
+        standard = self._autopilot.manners.missions == "standard"
+        self._missions = MissionService(self._autopilot) if standard else HabitService(self._autopilot)
         self._router = Router(system, COMPONENT_AUTOPILOT)
         self._encoder = Encoder(system, COMPONENT_AUTOPILOT, signing)
         self._faults = link_faults or LinkFaults()

@@ -24,6 +24,8 @@ from missions.plan_file import read_plan
 from sim_bridge.vehicle import DEFAULT_HOME
 
 ALTITUDE_M = 20.0
+SENSED_M = 10.0
+"""Where a vehicle may hold its height by a range finder."""
 
 
 def run(options: Namespace) -> int:
@@ -46,18 +48,17 @@ def run(options: Namespace) -> int:
 
 
 def _set_up(options: Namespace, screen: Screen) -> Setup:
-    if options.connect and parse_url(options.connect).kind in ("udpin", "serial"):
-        raise BadInputError(
-            f"--connect {options.connect}: expected udpout or tcp: fly opens a connection each for ground "
-            "station, bridge and estimator"
-        )
+    for url in options.connect or ():
+        parse_url(url)
     notes: tuple[str, ...] = ()
     if options.plan:
         plan = read_plan(Path(options.plan))
         mission, name, notes = _with_home(plan.mission, options.plan), Path(options.plan).name, plan.notes
     else:
         own = open_readings(options, None, None)
-        profile = Profile(altitude_m=_height_m(own), speed_m_s=own.speed_m_s, hold_s=0.0)
+        profile = Profile(
+            altitude_m=_height_m(own, SENSED_M if options.connect else ALTITUDE_M), speed_m_s=own.speed_m_s, hold_s=0.0
+        )
         mission, name = plan_mission(own.vertices_m[:, :2], DEFAULT_HOME, profile), f"the path of {own.name}"
     legs = leg_plan(mission)
     if len(legs.vertices_m) < 2:
@@ -69,10 +70,10 @@ def _set_up(options: Namespace, screen: Screen) -> Setup:
     return Setup(mission, readings, assumptions, name, notes, signing_from(options, screen))
 
 
-def _height_m(own: Readings) -> float:
+def _height_m(own: Readings, usual_m: float) -> float:
     """The height of a path in space, which must be one; where a path has none, the usual."""
     if own.vertices_m.shape[1] == 2:
-        return ALTITUDE_M
+        return usual_m
     heights_m = own.vertices_m[:, 2]
     if np.ptp(heights_m) > 0.0:
         low, high = heights_m.min(), heights_m.max()

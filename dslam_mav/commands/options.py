@@ -132,13 +132,39 @@ def source_of_readings(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def vehicle_link(parser: argparse.ArgumentParser, *, required: bool = True, help_text: str = CONNECT_HELP) -> None:
-    """The connection to a vehicle."""
-    parser.add_argument("--connect", metavar="URL", required=required, help=help_text)
+def vehicle_link(
+    parser: argparse.ArgumentParser, *, required: bool = True, several: bool = False, help_text: str = CONNECT_HELP
+) -> None:
+    """The connection to a vehicle; `several`: it may be given again."""
+    parser.add_argument(
+        "--connect", metavar="URL", required=required, action="append" if several else "store", help=help_text
+    )
     parser.add_argument(
         "--timeout", metavar="S", type=POSITIVE, default=10.0, help="how long to wait for it (default: 10)"
     )
+    parser.add_argument(
+        "--profile", choices=("ardupilot", "px4", "generic"), help="how it behaves (default: as its HEARTBEAT says)"
+    )
     signing_key(parser)
+
+
+def truth_from(parser: argparse.ArgumentParser) -> None:
+    """Where the bridge has the vehicle's true place from."""
+    parser.add_argument(
+        "--truth-from",
+        choices=("sim", "vehicle"),
+        help="read the field where the vehicle's simulator has it, or where it believes to be (default: the first it "
+        "offers)",
+    )
+
+
+def feed_odometry(parser: argparse.ArgumentParser) -> None:
+    """Stand in for a camera that the simulated vehicle navigates by."""
+    parser.add_argument(
+        "--feed-odometry",
+        action="store_true",
+        help="send the vehicle ODOMETRY from its simulator's truth: for one set to navigate by it",
+    )
 
 
 def signing_key(parser: argparse.ArgumentParser) -> None:

@@ -10,10 +10,12 @@ from dslam_mav.commands.signing import signing_from
 from dslam_mav.mav.frames import COMPONENT_GROUND, SYSTEM_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.transfer import clear, download, start, upload
-from dslam_mav.mission import leg_plan
+from dslam_mav.mav.position import stands_at
+from dslam_mav.mav.profile import profile_named
+from dslam_mav.mission import home_of, leg_plan
 from missions.plan_file import read_plan, write_plan
 
-ARMING_PATIENCE_S = 60.0
+ARMING_PATIENCE_S = 120.0
 
 
 def run_upload(options: Namespace) -> int:
@@ -38,6 +40,7 @@ def run_upload(options: Namespace) -> int:
             f"{length_m:.1f} m (read back and compared)"
         )
         if options.start:
+            stands_at(link, system, home_of(plan.mission), ARMING_PATIENCE_S)
             start(link, system, ARMING_PATIENCE_S)
             screen.say(f"Vehicle {system} flies it")
     screen.result(
@@ -77,4 +80,6 @@ def run_clear(options: Namespace) -> int:
 
 def _ground(options: Namespace, screen: Screen) -> Link:
     signing = signing_from(options, screen)
-    return Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND, signing=signing)
+    link = Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND, signing=signing)
+    link.profile = profile_named(options.profile) if options.profile else None
+    return link

@@ -23,6 +23,8 @@ def run(options: Namespace) -> int:
         seed=options.seed or 0,
         home=parse_home(options.home) if options.home else DEFAULT_HOME,
         cruise_speed_m_s=options.cruise_speed,
+        profile=options.profile,
+        feed=options.feed,
         signing=signing_from(options, screen),
         link_faults=parse_link_faults(options.link_faults) if options.link_faults else None,
     )

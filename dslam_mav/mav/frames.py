@@ -40,6 +40,13 @@ def messages() -> Any:
     return dialect
 
 
+def heartbeat(component: int) -> Any:
+    """The HEARTBEAT of a ground station, or of a component on board."""
+    dialect = messages()
+    kind = dialect.MAV_TYPE_GCS if component == COMPONENT_GROUND else dialect.MAV_TYPE_ONBOARD_CONTROLLER
+    return dialect.MAVLink_heartbeat_message(kind, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
+
+
 class Parser:
     """A stream of bytes in, frames out; what is no packet is skipped and counted in `bad_bytes`.
 

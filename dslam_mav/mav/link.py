@@ -17,7 +17,9 @@ from types import TracebackType
 from typing import Any, Self
 
 from dslam_mav.errors import LinkError
-from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, COMPONENT_GROUND, Encoder, Frame, Parser, messages
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Encoder, Frame, Parser, heartbeat, messages
+from dslam_mav.mav.ports import Port
+from dslam_mav.mav.profile import Profile
 from dslam_mav.mav.signing import Signing, Verifier, refusals_in_words
 from dslam_mav.mav.sockets import connected_socket, listening_socket, serial_descriptor
 from dslam_mav.mav.url import parse_url
@@ -37,6 +39,7 @@ class Link:
     `send` may be called from any thread, `receive` from one. `system` may be set once the vehicle's is known.
     A `udpin` link sends to everybody it has heard; what is sent before that is lost, as on a radio.
     `autopilots` is what `wait_for_vehicle` learnt: vehicle's system id -> (MAV_AUTOPILOT, MAV_TYPE).
+    `profile` is how the pilot says it behaves; None: as its HEARTBEAT says.
     With `signing` all that is sent is signed, and nothing else is heard than what is signed with the same key.
     """
 
@@ -56,6 +59,7 @@ class Link:
             self.url = str(parsed)
         self.component = component
         self.autopilots: dict[int, tuple[int, int]] = {}
+        self.profile: Profile | None = None
         self._signing = signing
         self._verifier = None if signing is None else Verifier(signing)
         self._encoder = Encoder(system, component, signing)
@@ -96,20 +100,14 @@ class Link:
             raw = self._encoder.pack(message)
             self._write(raw)
 
+    def send_packed(self, raw: bytes) -> None:
+        """Send a packet that somebody else packed; LinkError if the connection is gone."""
+        with self._lock:
+            self._write(raw)
+
     def send_heartbeat(self) -> None:
         """This end's HEARTBEAT, due once a second: vehicles forward only to those they have heard."""
-        dialect = messages()
-        ground = self.component == COMPONENT_GROUND
-        self.send(
-            dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_GCS if ground else dialect.MAV_TYPE_ONBOARD_CONTROLLER,
-                dialect.MAV_AUTOPILOT_INVALID,
-                0,
-                0,
-                dialect.MAV_STATE_ACTIVE,
-                3,
-            )
-        )
+        self.send(heartbeat(self.component))
 
     def receive(self, timeout_s: float) -> Frame | None:
         """The next frame, oldest first; None after `timeout_s`; LinkError once a TCP or serial end left."""
@@ -211,7 +209,7 @@ class Link:
         self._peers[address] = time.monotonic()
 
 
-def wait_for_vehicle(link: Link, timeout_s: float) -> int:
+def wait_for_vehicle(link: Port, timeout_s: float) -> int:
     """The system id of the first autopilot heard (HEARTBEAT from component 1, no ground station).
 
     Sends our own HEARTBEAT meanwhile. Frames before it are dropped. LinkError after `timeout_s`.
