@@ -15,10 +15,11 @@ from dslam_mav.errors import BadInputError
 from dslam_mav.export.table import ReadingTable, reading_table
 from dslam_mav.legs import Distance, plan_facts
 from dslam_mav.log import reader
+from dslam_mav.log.recovered import Recovered
 from dslam_mav.mission import DEGREES_E7, GLOBAL_FRAMES, Home, Mission, MissionItem, without_home_item
 from dslam_mav.observations import Progress
 from dslam_mav.recordings import Assumed, kind_of, open_recording
-from dslam_mav.records import Flight, Leg, Truth
+from dslam_mav.records import Flight, Leg, Prediction, Truth
 from dslam_mav.replay import flight_from_log, flight_from_packets
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class LoggedFlight:
     legs: tuple[Leg, ...]
     estimates: tuple[reader.LoggedEstimate, ...]
     truth: Truth | None
+    prediction: Prediction | None
     mission: Mission | None
     frames: tuple[tuple[int, bytes], ...]
     progress: tuple[tuple[int, Progress], ...]
@@ -50,6 +52,7 @@ class LoggedFlight:
     topics: dict[str, int]
     duration_s: float
     complete: bool
+    recovered: Recovered | None
 
     def readings_frame(self) -> DataFrame:
         """A row a reading: time_s, value, leg (nullable), distance_m (NaN outside legs)."""

@@ -30,20 +30,18 @@ def mission() -> Mission:
     return Mission((takeoff, *corners), HOME)
 
 
-def unreported(frames: list[Frame], seq: int) -> list[Frame]:
-    """Without any word of one item having been passed."""
-
-    def told(frame: Frame) -> bool:
-        kind, message = frame.message.get_type(), frame.message
-        return (kind == "MISSION_ITEM_REACHED" and message.seq == seq) or (
-            kind == "MISSION_CURRENT" and message.seq in (seq, seq + 1)
-        )
-
-    return [frame for frame in frames if not told(frame)]
+def unmeasured(frames: list[Frame], seq: int) -> list[Frame]:
+    """Without any word of where the vehicle was, or how fast, until an item was reached: legs until there are lost."""
+    reached = next(
+        i for i, f in enumerate(frames) if f.message.get_type() == "MISSION_ITEM_REACHED" and f.message.seq == seq
+    )
+    silent = ("LOCAL_POSITION_NED", "VFR_HUD")
+    first = next(i for i, f in enumerate(frames) if f.message.get_type() == silent[0])  # the clock is known by it
+    return [f for i, f in enumerate(frames) if i == first or i >= reached or f.message.get_type() not in silent]
 
 
 def collected(frames: list[Frame]) -> LegCollector:
-    collector = LegCollector(plan_facts(mission()))
+    collector = LegCollector(plan_facts(mission()), distance="odometry")
     for frame in frames:
         observation = decode(frame, 1)
         if observation is not None:
@@ -77,7 +75,7 @@ def answer(collector: LegCollector, legs: tuple[FlownLeg, ...]) -> Estimate:
 
 def test_an_anchored_answer_begins_where_the_legs_used_begin(told: list[Any]) -> None:
     vertices_m = leg_plan(mission()).vertices_m
-    for frames, first in ((fly().frames, 0), (unreported(fly().frames, 2), 2)):
+    for frames, first in ((fly().frames, 0), (unmeasured(fly().frames, 3), 2)):
         collector = collected(frames)
         legs = collector.legs(final=True)
         assert legs[0].start_seq == first + 1
@@ -96,7 +94,7 @@ def test_headings_are_of_the_very_legs_that_are_estimated(told: list[Any]) -> No
 def test_truth_begins_and_ends_with_the_legs_used() -> None:
     vertices_m = leg_plan(mission()).vertices_m
     truth = Truth(np.array([[1.0, 2.0]]), np.array([3.0]), vertices_m)
-    legs = collected(unreported(fly().frames, 2)).legs(final=True)
+    legs = collected(unmeasured(fly().frames, 3)).legs(final=True)
     cut = truth_of(truth, mission(), legs)
     assert cut is not None
     assert cut.vertices_m.tolist() == vertices_m[2:].tolist()

@@ -150,7 +150,7 @@ def _reconsidered(question: _Question, result: Estimate) -> Estimate:
     doubtful = result.verdict is Verdict.NOT_CONVERGED or told["whiteness_p"] < MISFIT_P_VALUE
     if doubtful and not question.medium.static:
         return _or_standing(question, result)
-    if doubtful and _drifts(question, result):
+    if doubtful and result.verdict is not Verdict.NOT_CONVERGED and _drifts(question, result):
         others = tuple(replace(other, verdict=Verdict.MODEL_MISFIT) for other in result.alternatives)
         return replace(result, verdict=Verdict.MODEL_MISFIT, reason=DRIFTING, alternatives=others)
     return _or_cooling(question, result, doubtful)

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 THREADS = 2  # as the search; the fits are the same whatever their number
 USUAL_LAGS = np.array([0.003, 0.01, 0.03])  # of the flight: where an unknown lag is looked for
+LONGEST_LAG = 0.2  # of the flight: what is slower is looked for as if it were not
 NEAR_LAG = np.array([0.6, 1.0])  # of a known one: how far back readings belong depends on what they pass
 HEAT = 6  # iterations all starts are given
 CRAWLING = 8  # of the best: taken on by Newton's steps where they have not settled
@@ -105,7 +106,8 @@ def _search(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Gener
     """Starts at one C for all sources, whatever is known of each; of a slow sensor at its lag, or at likely ones."""
     if prob.lag == 0.0 or prob.basis is not None:
         return _search_unlagged(prob, coarse, k_sources, rng)
-    likely = USUAL_LAGS * prob.t[-1] if prob.lag is None else NEAR_LAG * prob.lag
+    duration = float(prob.t[-1])
+    likely = USUAL_LAGS * duration if prob.lag is None else NEAR_LAG * min(prob.lag, LONGEST_LAG * duration)
     lags = [float(lag) for lag in likely]
     found = [_search_unlagged(prob, unlagged(coarse, lag), k_sources, rng) for lag in lags]
     states = []
