@@ -187,6 +187,7 @@ def _onboard(commands: Commands[_Parser]) -> None:
     parser.add_argument("--out", metavar="FILE", required=True, help="the log to write (.mcap)")
     parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: asked of the vehicle)")
     shared.assumptions(parser)
+    shared.adaptive(parser)
     shared.vehicle_link(parser)
 
 
@@ -198,6 +199,7 @@ def _fly(commands: Commands[_Parser]) -> None:
     parser.add_argument("plan", nargs="?", metavar="PLAN", help="(default: the path of the scene)")
     shared.source_of_readings(parser)
     shared.assumptions(parser)
+    shared.adaptive(parser)
     shared.vehicle_link(
         parser, required=False, help_text="udpout:HOST:PORT or tcp:HOST:PORT (default: a loopback vehicle of its own)"
     )

@@ -18,7 +18,8 @@ from scipy.optimize import minimize
 
 from dslam_mav.dslam.expected import Sensing, log_errors
 from dslam_mav.dslam.layouts import Layouts
-from missions.course import chained
+from missions.course import beyond, chained
+from missions.fence import Fence
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ TURN_OFF_RAD = math.radians(4.0)
 POINTS_PER_SPREAD = 5.0
 TRIED, DESCENDED = 40, 4
 ITERATIONS = 25
+NO_FENCE = Fence()
+FENCE_WEIGHT = 300.0
 SHARES = (-1.2, 1.2)  # of a leg's length, in logarithms about the usual
 
 
@@ -41,12 +44,15 @@ class Flown:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Length left to fly, turns from … to (radians, 0 to π), shortest leg, most legs."""
+    """Length left to fly, turns from … to (radians, 0 to π), shortest leg, most legs; the fence, seen from where the
+    leg just flown ends, with that leg along +x and the side of the flight's first turn at +y.
+    """
 
     length_m: float
     turn_rad: tuple[float, float] = (0.0, math.pi)
     least_leg_m: float = 0.1
     most_legs: int = 12
+    fence: Fence = NO_FENCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +72,7 @@ class _Ahead:
 
     flown: Flown
     sensing: Sensing
-    length_m: float
+    limits: Limits
     off: Array  # (M, legs at most)
 
     def __call__(self, x: Array, gradient: bool = True) -> tuple[float, Array]:
@@ -77,17 +83,28 @@ class _Ahead:
         along = np.stack([np.cos(theta), np.sin(theta)], axis=2)
         share = np.exp(x[n:] - x[n:].max())
         share /= share.sum()
-        lengths = self.length_m * share
+        lengths = self.limits.length_m * share
         to_come = done[:, -1:] + np.cumsum(lengths[:, None] * along, axis=1)
         path = np.concatenate([done, to_come], axis=1)
         value, moves = log_errors(path, self.flown.layouts, self.sensing, POINTS_PER_SPREAD, gradient)
+        outside, by_outside = self._outside(x)
+        total = float(value.mean()) + outside
         if not gradient:
-            return float(value.mean()), x
+            return total, x
         # the first vertex of what is to come stands for all that moves with it: turns act on vertices after it alone
         tail = np.concatenate([np.zeros((len(done), 1, 2)), moves[:, done.shape[1] :]], axis=1)
         back = chained(tail, along, lengths, share)
         by_turn = back[2 : n + 2]  # the first heading is the first turn's
-        return float(value.mean()), np.concatenate([by_turn, back[n + 2 :]]) / len(done)
+        return total, np.concatenate([by_turn, back[n + 2 :]]) / len(done) + by_outside
+
+    def _outside(self, x: Array) -> tuple[float, Array]:
+        """What lies beyond the fence, in the frame of the leg just flown, and its derivatives."""
+        if not self.limits.fence.polygons:
+            return 0.0, np.zeros_like(x)
+        spread_m = float(self.flown.layouts.spread_m.mean())
+        course = np.concatenate([[0.0, 0.0], x])
+        value, back = beyond(course, x.size // 2, self.limits.length_m, self.limits.fence, 0.0, spread_m)
+        return FENCE_WEIGHT * value, FENCE_WEIGHT * back[2:]
 
 
 def next_legs(
@@ -95,7 +112,7 @@ def next_legs(
 ) -> Proposal:
     """The rest of the mission; `before`: what was proposed for it earlier, one of the starts."""
     off = TURN_OFF_RAD * rng.standard_normal((len(flown.layouts), limits.most_legs))
-    ahead = _Ahead(flown, sensing, limits.length_m, off)
+    ahead = _Ahead(flown, sensing, limits, off)
     starts = list(_starts(flown, limits, rng, before))
     starts.sort(key=lambda x: ahead(x, gradient=False)[0])
     best: tuple[float, Array] = math.inf, starts[0]

@@ -100,6 +100,10 @@ class Sampler:
         """Whether readings are being taken, or were."""
         return self._start_ms is not None
 
+    def follow(self, vertex_seqs: Sequence[int]) -> None:
+        """The mission's part to come is another; the vertices passed stay."""
+        self._vertices = tuple(vertex_seqs)
+
     def reached(self, seq: int) -> None:
         """MISSION_ITEM_REACHED: a vertex ends a leg and begins the next; others do nothing."""
         if seq not in self._vertices or self._vertices.index(seq) <= self._at or self._last is None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import in_words
+from dslam_mav.commands.adaptive import Flying, steer
 from dslam_mav.commands.attached import as_logged, attach
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
@@ -71,7 +72,8 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         url = options.connect or stack.enter_context(_loopback(options, setup.mission))
         ground = stack.enter_context(Link(url, system=SYSTEM_GROUND, component=COMPONENT_GROUND))
         system = wait_for_vehicle(ground, options.timeout)
-        held = as_logged(_upload(ground, system, setup, screen))
+        given = _upload(ground, system, setup, screen)
+        held = as_logged(given)
         legs = leg_plan(held)
         recorder = stack.enter_context(Recorder(folder / "flight.mcap"))
         point_latest(folder)
@@ -79,11 +81,14 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         attach(recorder, held, setup.assumptions, system)
         _attach(recorder, setup, truth)
         crew = _crew(stack, url, system, setup, held, recorder)
+        collector = crew.onboard.collector
+        flying = Flying(url, system, given, collector, recorder, setup.assumptions)
+        now_held = steer(stack, flying, options, screen, lambda changed: _changed(changed, setup, crew, recorder))
         stopped = _follow(ground, system, crew, legs, screen)
         if options.connect and isinstance(stopped, KeyboardInterrupt):
             screen.warn(f"vehicle {system} was not told to stop: it goes on with its mission")
-        collector = crew.onboard.collector
-        flown = collector.legs(final=True)
+        held, flown = now_held(), collector.legs(final=True)
+        legs, truth = leg_plan(held), _truth(setup, held)
         return Outcome(
             flight=flight_of(flown),
             estimate=crew.onboard.result,
@@ -134,6 +139,13 @@ def _crew(stack: ExitStack, url: str, system: int, setup: Setup, held: Mission, 
         rng=setup.readings.rng,
     )
     return _Crew(onboard, bridge, updates)
+
+
+def _changed(held: Mission, setup: Setup, crew: _Crew, recorder: Recorder) -> None:
+    """The vehicle holds another mission: sensor and truth follow it."""
+    crew.bridge.sampler.follow(leg_plan(held).sequence)
+    if (truth := _truth(setup, held)) is not None:
+        recorder.truth(time.time_ns(), truth)
 
 
 def _follow(

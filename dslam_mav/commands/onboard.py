@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from contextlib import ExitStack
 from pathlib import Path
 
 from dslam_mav.assumed import estimator, visible_plan
+from dslam_mav.commands.adaptive import Flying, steer
+from dslam_mav.commands.adaptive_options import check
 from dslam_mav.commands.assume import assumptions_from, in_words
 from dslam_mav.commands.attached import as_logged, attach
 from dslam_mav.commands.background import Background, background
@@ -29,6 +32,7 @@ def run(options: Namespace) -> int:
     """Listen to one flight, estimate after every leg, log everything."""
     screen = Screen(json_only=options.json)
     assumptions = assumptions_from(options)
+    check(options)
     out = Path(options.out)
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
@@ -41,7 +45,7 @@ def run(options: Namespace) -> int:
         collector = LegCollector(plan_facts(mission), distance=assumptions.distance)
         updates: list[Update] = []
         stopped: DslamError | KeyboardInterrupt | None = None
-        with Link(options.connect, system=system, component=COMPONENT_ESTIMATOR) as link:
+        with Link(options.connect, system=system, component=COMPONENT_ESTIMATOR) as link, ExitStack() as stack:
             onboard = Onboard(
                 link,
                 system,
@@ -51,6 +55,7 @@ def run(options: Namespace) -> int:
                 on_update=updates.append,
                 yaw=assumptions.heading == "vehicle",
             )
+            steer(stack, Flying(options.connect, system, held, collector, recorder, assumptions), options, screen)
             screen.say(f"listening to vehicle {system} on {options.connect}, logging to {out}")
             with background(onboard.run, "onboard", ESTIMATE_PATIENCE_S) as worker:
                 try:

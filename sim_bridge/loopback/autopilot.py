@@ -57,7 +57,7 @@ class Autopilot:
 
     @property
     def in_mission(self) -> bool:
-        """Whether a mission is being flown, or paused: it must not change under way."""
+        """Whether a mission is being flown, or paused: it cannot be cleared under way."""
         return self._flight is not None and self._flight.is_mission
 
     @property
@@ -93,8 +93,17 @@ class Autopilot:
         return out
 
     def set_items(self, items: tuple[MissionItem, ...]) -> None:
-        """A new mission, not begun."""
+        """A new mission, not begun; one under way goes on at the same item, as PX4 and ArduPilot have it."""
         self._items = items
+        if self._flight is not None and self._flight.is_mission:
+            first = self.first_seq = min(self.first_seq, len(items) - 1)
+            origin_m, yaw_rad = self._flight.timeline.origin_m, self._flight.timeline.yaw_rad
+            whole = lay_out(
+                items, self.home, origin_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=yaw_rad, first=first
+            )
+            if not self._flight.redirect(whole):
+                self._turn_to(self._seq)
+            return
         self._seq = self.first_seq = 0
         self.mission_state = MissionState.NOT_STARTED if items else MissionState.NO_MISSION
         self._tell(MISSION_CURRENT)
@@ -145,10 +154,12 @@ class Autopilot:
 
     def choose_first(self, seq: int) -> Refusal:
         """The item the next mission begins with."""
-        if self.in_mission:
-            return "item refused: mission under way"
         if not 0 <= seq < len(self._items):
             return f"item {seq} refused: {len(self._items)} items here"
+        if self.in_mission:
+            if seq != self._seq:
+                self._turn_to(seq)
+            return ""
         self.first_seq = self._seq = seq
         return ""
 
@@ -171,6 +182,24 @@ class Autopilot:
         start_ms = -(-(self.time_ms + 1) // _START_GRID_MS) * _START_GRID_MS
         self._flight = Flight(timeline, start_ms, is_mission=True)
         return ""
+
+    def _turn_to(self, seq: int) -> None:
+        """Fly to another item from here on; the flight goes on in time."""
+        flight = self._flight
+        assert flight is not None
+        timeline = lay_out(
+            self._items, self.home, self._body.place_m, speed_m_s=flight.speed_m_s(self.cruise_speed_m_s),
+            yaw_rad=self._body.yaw_rad, first=min(seq, len(self._items) - 1),
+        )  # fmt: skip
+        begun, held = flight.index >= 0, flight.held_ms is not None
+        if not begun:
+            self._flight = Flight(timeline, flight.start_ms, is_mission=True)
+            return
+        self._flight = Flight(timeline, self.time_ms, is_mission=True, index=0, held_ms=0 if held else None)
+        self._seq = timeline.segments[0].seq
+        if not held:
+            self._body.follow(timeline.segments[0])
+        self._tell(MISSION_CURRENT)
 
     def _go_home(self, mode: Mode) -> None:
         command = CMD_RETURN_TO_LAUNCH if mode is Mode.RETURN else CMD_LAND

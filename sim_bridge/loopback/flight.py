@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
@@ -38,6 +39,21 @@ class Flight:
         if self.held_ms is not None:
             return NEVER_MS
         return self.start_ms + (self.timeline.segments[self.index].end_ms if self.index >= 0 else 0)
+
+    def redirect(self, timeline: Timeline) -> bool:
+        """Another flight that is this one until the segment under way ends; False: it is not, nothing changes."""
+        done = self.index + 1
+        if timeline.segments[:done] != self.timeline.segments[:done] or len(timeline.segments) < max(done, 1):
+            return False
+        self.timeline = timeline
+        return True
+
+    def speed_m_s(self, default: float) -> float:
+        """Over the ground, on the segment under way."""
+        if self.index < 0:
+            return default
+        north, east, _ = self.timeline.segments[self.index].velocity_m_s
+        return math.hypot(north, east) or default
 
     def go_on(self, time_ms: int) -> None:
         """After a pause, from where it was."""

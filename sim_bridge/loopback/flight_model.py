@@ -63,10 +63,12 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """A whole flight, laid out; `lands` says that it ends on the ground."""
+    """A whole flight, laid out from `origin_m` and `yaw_rad`; `lands` says that it ends on the ground."""
 
     segments: tuple[Segment, ...]
     lands: bool
+    origin_m: Place = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
 
     def at(self, time_ms: int) -> Segment:
         """The segment under way at `time_ms` (at a boundary: the one that begins)."""
@@ -138,7 +140,7 @@ def lay_out(
         if lands:
             break
         lands = _add_item(layout, seq, item, home, speed_m_s)
-    return Timeline(tuple(layout.segments), lands)
+    return Timeline(tuple(layout.segments), lands, place_m, yaw_rad)
 
 
 def _add_item(layout: _Layout, seq: int, item: MissionItem, home: Home, default_m_s: float) -> bool:

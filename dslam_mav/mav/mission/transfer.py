@@ -54,8 +54,11 @@ Progress = Callable[[int, int], None]
 StepFunction = Callable[[Transfer, Message | None, float], Step]
 
 
-def upload(link: Link, vehicle_system: int, mission: Mission, progress: Progress | None = None) -> Mission:
-    """Send the mission, read it back and compare; `progress(items sent, items)`.
+def upload(
+    link: Link, vehicle_system: int, mission: Mission, progress: Progress | None = None, *, in_flight: bool = False
+) -> Mission:
+    """Send the mission, read it back and compare; `progress(items sent, items)`. `in_flight`: no item is marked as the
+    one to begin with.
 
     Returns the mission as the vehicle holds it, rounded as it rounds; an item's index is its sequence number
     on the wire. ArduPilot keeps its home in item 0: it is put in front unless the mission begins with one (a
@@ -65,7 +68,7 @@ def upload(link: Link, vehicle_system: int, mission: Mission, progress: Progress
     items, first = _for_vehicle(talk, mission)
     for left in reversed(range(_ATTEMPTS)):
         now_s = time.monotonic()
-        end = _run(talk, begin_upload(items, now_s), step_upload, progress)
+        end = _run(talk, begin_upload(items, now_s, in_flight=in_flight), step_upload, progress)
         if end.phase is Phase.REFUSED:
             raise MissionError(_refusal(talk, end, items))
         if end.phase is Phase.SILENT and (end.seq < 0 or not left):

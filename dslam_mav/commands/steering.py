@@ -1,0 +1,143 @@
+"""The legs to come, chosen and sent while the one before is flown: the vehicle never waits.
+
+Shortly before a leg ends the adviser is asked, with what was read until then, what to fly after it. Its answer (turns
+and lengths) becomes waypoints in the vehicle's own frame here, on the far side of the gate from the estimator, which
+never sees them. Whatever fails or comes too late, the mission the vehicle holds is flown on.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dslam_mav.commands.adaptive_options import Steered
+from dslam_mav.errors import DslamError, LinkError
+from dslam_mav.legs import LegCollector, UnderWay, flight_of
+from dslam_mav.mav.link import Link
+from dslam_mav.mav.mission.change import change
+from dslam_mav.mav.mission.talk import Talk
+from dslam_mav.mission import Mission, home_of, leg_plan
+from dslam_mav.records import Flight
+from missions.adviser import Advice
+from missions.continued import continued, first_turn, vertices_to_come
+from missions.fence import Fence
+from missions.next_legs import Limits
+
+ASKED_AT = 0.7  # of the leg under way: the later, the more is known, and the less time is left
+MARGIN_S = 1.0  # before a leg ends no other mission is sent
+LISTEN_S = 0.05
+LEAST_LEFT = 1e-3  # of the mission: less is no leg
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ear:
+    """Who is told: `changed` of every mission the vehicle then holds, `tell` a person, `warn` of what went wrong."""
+
+    changed: Callable[[Mission], None]
+    tell: Callable[[str], None]
+    warn: Callable[[str], None]
+
+
+class Steering:
+    """One flight's; `run` in a thread of its own. `held` is the mission the vehicle holds."""
+
+    def __init__(
+        self, link: Link, system: int, collector: LegCollector, steered: Steered, held: Mission, ear: Ear
+    ) -> None:
+        self.held = held
+        self.changes = 0
+        self.reached = False
+        self._link = link
+        self._system = system
+        self._collector = collector
+        self._steered = steered
+        self._ear = ear
+        self._asked: set[int] = set()
+
+    def run(self, stop: threading.Event) -> None:
+        """Until told to stop, or the target is reached."""
+        talk = Talk(self._link, self._system)
+        while not stop.is_set() and not self.reached:
+            try:
+                talk.receive(time.monotonic() + LISTEN_S)
+            except LinkError:
+                return  # the loop on board says so
+            way = self._collector.under_way()
+            if way is not None and way.share >= ASKED_AT and way.end_seq not in self._asked:
+                self._asked.add(way.end_seq)
+                try:
+                    self._steer(way)
+                except DslamError as problem:
+                    self._ear.warn(f"adaptive, leg {len(way.legs)}: {problem}")
+
+    def _steer(self, way: UnderWay) -> None:
+        limits = self._limits(way)
+        if limits.length_m < LEAST_LEFT * self._steered.total_m:
+            return
+        begun_s = time.monotonic()
+        advice = self._steered.adviser.advise(_flight(way), limits)
+        sense = first_turn(self.held) or 1.0
+        turns = [sense * turn for turn in advice.turn_rad]
+        number = len(way.legs)
+        if not self._steered.fence.lets_pass(vertices_to_come(self.held, way.end_seq, turns, advice.length_m)):
+            self._ear.warn(f"adaptive, leg {number}: what was proposed leaves the fence; the old mission is flown on")
+            return
+        new = continued(self.held, way.end_seq, turns, advice.length_m)
+        if not self._in_time(way, begun_s):
+            self._ear.warn(f"adaptive, leg {number}: the proposal came too late; the old mission is flown on")
+            return
+        self.held = change(self._link, self._system, self.held, new, way.end_seq)
+        self.changes += 1
+        self.reached = advice.reached
+        self._ear.changed(self.held)
+        self._ear.tell(_in_words(number, advice, turns))
+        after = self._collector.under_way()
+        if after is not None and after.end_seq != way.end_seq:
+            self._ear.warn(f"adaptive: leg {number} ended while the mission was changed: leg {number + 1} may be bent")
+
+    def _limits(self, way: UnderWay) -> Limits:
+        """What may still be flown; the fence as seen from the end of the leg under way."""
+        steered, plan = self._steered, leg_plan(self.held)
+        j = plan.sequence.index(way.end_seq)
+        flown_m = float(plan.lengths_m[:j].sum())
+        step = plan.vertices_m[j] - plan.vertices_m[j - 1]
+        along = step / np.linalg.norm(step)
+        across = (first_turn(self.held) or 1.0) * np.array([-along[1], along[0]])
+        rows = np.stack([along, across])
+
+        def seen(polygons: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+            return tuple((polygon - plan.vertices_m[j]) @ rows.T for polygon in polygons)
+
+        fence = Fence(seen(steered.fence.within), seen(steered.fence.keep_out))
+        return Limits(max(steered.total_m - flown_m, 0.0), least_leg_m=steered.least_leg_m, fence=fence)
+
+    def _in_time(self, asked: UnderWay, begun_s: float) -> bool:
+        """Whether the leg under way is still the one it was, and lasts long enough for the transfer."""
+        now = self._collector.under_way()
+        if now is None or now.end_seq != asked.end_seq:
+            return False
+        pace = 1e-3 * (now.now_ms - asked.now_ms) / max(time.monotonic() - begun_s, 1e-9)  # of the vehicle's clock
+        return now.left_s >= MARGIN_S * max(pace, 1.0)
+
+
+def _flight(way: UnderWay) -> Flight:
+    """As far as it is read, the leg under way as long as it will be."""
+    flight = flight_of(way.legs)
+    return replace(flight, legs=(*flight.legs[:-1], replace(flight.legs[-1], length_m=way.planned_m)))
+
+
+def _in_words(number: int, advice: Advice, turns: list[float]) -> str:
+    if advice.reached:
+        return f"after leg {number}: every source is known to {advice.expected_m:.3g} m, as wanted: no more legs"
+    if not turns:
+        return f"after leg {number}: no length is left for another"
+    legs = ", ".join(
+        f"turn {abs(math.degrees(turn)):.0f}° {'left' if turn > 0.0 else 'right'} and fly {length:.0f} m"
+        for turn, length in zip(turns, advice.length_m, strict=True)
+    )
+    return f"after leg {number}: {legs}; sources then expected to {advice.expected_m:.2g} m"
