@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.belief import Belief, Known, believed
@@ -21,7 +22,7 @@ from missions.next_legs import Flown, Limits, Proposal, next_legs
 
 Array = NDArray[np.float64]
 
-DRAWS = 40
+DRAWS = 32
 FEWEST_LEGS = 3  # for the estimator
 FIRST_GUESS_K = 3
 SPREAD_AGAIN = 1.15  # √C may be this far off what was estimated
@@ -60,11 +61,16 @@ class Adviser:
         self._target_sd_m = target_sd_m
         self._seed = seed
         self._rng = np.random.default_rng(seed)
+        self._threads = ThreadpoolController()  # type: ignore[no-untyped-call]
         self._belief: Belief | None = None
         self._before: Proposal | None = None
 
     def advise(self, flight: Flight, limits: Limits) -> Advice:
         """What to fly after the last leg of `flight`, whose readings may still be few."""
+        with self._threads.limit(limits=1, user_api="blas"):  # more are slower on matrices so small
+            return self._advise(flight, limits)
+
+    def _advise(self, flight: Flight, limits: Limits) -> Advice:
         result = self._estimate(flight)
         if result is not None and self._reached(result):
             return Advice((), (), float(result.sd_m.max()), result, reached=True)

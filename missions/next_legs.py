@@ -20,6 +20,7 @@ from dslam_mav.dslam.expected import Sensing, log_errors
 from dslam_mav.dslam.layouts import Layouts
 from missions.course import beyond, chained
 from missions.fence import Fence
+from missions.telling_apart import Answers
 
 Array = NDArray[np.float64]
 
@@ -27,8 +28,9 @@ USUAL_LEG_SPREADS = 4.48
 USUAL_TURN_RAD = math.radians(146.0)
 TURN_OFF_RAD = math.radians(4.0)
 POINTS_PER_SPREAD = 5.0
-TRIED, DESCENDED = 40, 4
-ITERATIONS = 25
+TRIED, DESCENDED, JUDGED = 30, 4, 4
+ITERATIONS = 20
+ANSWERS = 18  # told apart
 NO_FENCE = Fence()
 FENCE_WEIGHT = 300.0
 SHARES = (-1.2, 1.2)  # of a leg's length, in logarithms about the usual
@@ -75,29 +77,26 @@ class _Ahead:
     limits: Limits
     off: Array  # (M, legs at most)
 
-    def __call__(self, x: Array, gradient: bool = True) -> tuple[float, Array]:
-        n = x.size // 2
+    def __call__(self, x: Array) -> tuple[float, Array]:
+        """Mean ln error with what the fence costs, and its derivatives."""
+        value, moves, along, lengths = self._paths(x, gradient=True)
         done = self.flown.vertices_m
-        last = done[:, -1] - done[:, -2]
-        theta = np.arctan2(last[:, 1], last[:, 0])[:, None] + np.cumsum(x[:n] + self.off[:, :n], axis=1)
-        along = np.stack([np.cos(theta), np.sin(theta)], axis=2)
-        share = np.exp(x[n:] - x[n:].max())
-        share /= share.sum()
-        lengths = self.limits.length_m * share
-        to_come = done[:, -1:] + np.cumsum(lengths[:, None] * along, axis=1)
-        path = np.concatenate([done, to_come], axis=1)
-        value, moves = log_errors(path, self.flown.layouts, self.sensing, POINTS_PER_SPREAD, gradient)
-        outside, by_outside = self._outside(x)
-        total = float(value.mean()) + outside
-        if not gradient:
-            return total, x
-        # the first vertex of what is to come stands for all that moves with it: turns act on vertices after it alone
+        # the last vertex flown stays where it is, and turns act on those after it
         tail = np.concatenate([np.zeros((len(done), 1, 2)), moves[:, done.shape[1] :]], axis=1)
-        back = chained(tail, along, lengths, share)
-        by_turn = back[2 : n + 2]  # the first heading is the first turn's
-        return total, np.concatenate([by_turn, back[n + 2 :]]) / len(done) + by_outside
+        back = chained(tail, along, lengths, lengths / lengths.sum())
+        outside, by_outside = self.outside(x)
+        # the first heading is the first turn's
+        return float(value.mean()) + outside, back[2:] / len(done) + by_outside
 
-    def _outside(self, x: Array) -> tuple[float, Array]:
+    def value(self, x: Array) -> float:
+        """Without derivatives."""
+        return float(self._paths(x, gradient=False)[0].mean()) + self.outside(x)[0]
+
+    def errors2_m2(self, x: Array) -> Array:
+        """(M,) the bound on the sources' mean squared error."""
+        return np.asarray(np.exp(2.0 * self._paths(x, gradient=False)[0]))
+
+    def outside(self, x: Array) -> tuple[float, Array]:
         """What lies beyond the fence, in the frame of the leg just flown, and its derivatives."""
         if not self.limits.fence.polygons:
             return 0.0, np.zeros_like(x)
@@ -105,6 +104,16 @@ class _Ahead:
         course = np.concatenate([[0.0, 0.0], x])
         value, back = beyond(course, x.size // 2, self.limits.length_m, self.limits.fence, 0.0, spread_m)
         return FENCE_WEIGHT * value, FENCE_WEIGHT * back[2:]
+
+    def _paths(self, x: Array, *, gradient: bool) -> tuple[Array, Array, Array, Array]:
+        n, done = x.size // 2, self.flown.vertices_m
+        last = done[:, -1] - done[:, -2]
+        theta = np.arctan2(last[:, 1], last[:, 0])[:, None] + np.cumsum(x[:n] + self.off[:, :n], axis=1)
+        along = np.stack([np.cos(theta), np.sin(theta)], axis=2)
+        lengths = _legs(x, self.limits)[1]
+        path = np.concatenate([done, done[:, -1:] + np.cumsum(lengths[:, None] * along, axis=1)], axis=1)
+        value, moves = log_errors(path, self.flown.layouts, self.sensing, POINTS_PER_SPREAD, gradient)
+        return value, moves, along, lengths
 
 
 def next_legs(
@@ -114,21 +123,33 @@ def next_legs(
     off = TURN_OFF_RAD * rng.standard_normal((len(flown.layouts), limits.most_legs))
     ahead = _Ahead(flown, sensing, limits, off)
     starts = list(_starts(flown, limits, rng, before))
-    starts.sort(key=lambda x: ahead(x, gradient=False)[0])
-    best: tuple[float, Array] = math.inf, starts[0]
+    starts.sort(key=ahead.value)
+    candidates = list(starts[DESCENDED : DESCENDED + JUDGED])
     for x in starts[:DESCENDED]:
         found = minimize(
             ahead, x, jac=True, method="L-BFGS-B", bounds=_bounds(x, limits), options={"maxiter": ITERATIONS}
         )
-        best = min(best, (float(found.fun), found.x), key=lambda one: one[0])
-    return _proposal(*best, limits)
+        candidates.append(found.x)
+    chosen = np.unique(np.linspace(0, len(flown.layouts) - 1, ANSWERS).astype(np.int64))
+    some = Answers.of(flown.vertices_m[chosen], flown.layouts.chosen(chosen))
+    judged = [(_expected(x, ahead, some, chosen), x) for x in candidates]
+    value, best = min(judged, key=lambda one: one[0])
+    turn, length = _legs(best, limits)
+    return Proposal(tuple(turn.tolist()), tuple(length.tolist()), value)
 
 
-def _proposal(value: float, x: Array, limits: Limits) -> Proposal:
+def _expected(x: Array, ahead: _Ahead, some: Answers, chosen: NDArray[np.int64]) -> float:
+    """Mean ln of the error, alternatives taken for true included."""
+    turn, length = _legs(x, ahead.limits)
+    sharp = ahead.errors2_m2(x)[chosen]
+    confused = some.confusion_m2(turn, length, ahead.sensing)
+    return float(0.5 * np.log(sharp + confused).mean()) + ahead.outside(x)[0]
+
+
+def _legs(x: Array, limits: Limits) -> tuple[Array, Array]:
     n = x.size // 2
     share = np.exp(x[n:] - x[n:].max())
-    lengths = limits.length_m * share / share.sum()
-    return Proposal(tuple(x[:n].tolist()), tuple(lengths.tolist()), value)
+    return x[:n], np.asarray(limits.length_m * share / share.sum())
 
 
 def _starts(flown: Flown, limits: Limits, rng: np.random.Generator, before: Proposal | None) -> Iterator[Array]:
@@ -136,6 +157,7 @@ def _starts(flown: Flown, limits: Limits, rng: np.random.Generator, before: Prop
     usual = limits.length_m / (USUAL_LEG_SPREADS * float(np.exp(np.log(flown.layouts.spread_m).mean())))
     most = max(1, min(limits.most_legs, int(limits.length_m / limits.least_leg_m)))
     low, high = limits.turn_rad
+    first = flown.vertices_m.shape[1] == 2  # the first turn of all: its side is the gauge's
     if before is not None and 0 < len(before.length_m) <= most:
         turns = np.clip(np.abs(before.turn_rad), low, high) * np.sign(before.turn_rad)
         yield np.concatenate([turns, np.log(before.length_m) - np.log(before.length_m).mean()])
@@ -144,6 +166,8 @@ def _starts(flown: Flown, limits: Limits, rng: np.random.Generator, before: Prop
         turns = np.clip(USUAL_TURN_RAD + math.radians(20.0) * rng.standard_normal(n), low, high)
         if i % 3 == 2:
             turns = turns * np.where(rng.random(n) < 0.4, -1.0, 1.0)
+        if first:
+            turns[0] = abs(turns[0])
         yield np.concatenate([turns, 0.2 * rng.standard_normal(n)])
 
 

@@ -28,8 +28,11 @@ from missions.continued import continued, first_turn, vertices_to_come
 from missions.fence import Fence
 from missions.next_legs import Limits
 
-ASKED_AT = 0.7  # of the leg under way: the later, the more is known, and the less time is left
-MARGIN_S = 1.0  # before a leg ends no other mission is sent
+EARLIEST = 0.5  # of the leg under way: asked later more is known, and less time is left
+LATEST = 0.75
+TRANSFER_S = 1.5  # before a leg ends no other mission is sent
+FIRST_ADVICE_S = 2.0  # what the first takes, until its own time is known
+ADVICE_FACTOR = 2.0  # of the longest so far is allowed for
 LISTEN_S = 0.05
 LEAST_LEFT = 1e-3  # of the mission: less is no leg
 
@@ -58,6 +61,9 @@ class Steering:
         self._steered = steered
         self._ear = ear
         self._asked: set[int] = set()
+        self._advice_s = FIRST_ADVICE_S
+        self._clock: tuple[float, int] | None = None  # host's seconds and vehicle's milliseconds when first heard
+        self._pace = 1.0
 
     def run(self, stop: threading.Event) -> None:
         """Until told to stop, or the target is reached."""
@@ -68,12 +74,21 @@ class Steering:
             except LinkError:
                 return  # the loop on board says so
             way = self._collector.under_way()
-            if way is not None and way.share >= ASKED_AT and way.end_seq not in self._asked:
+            if way is not None and way.end_seq not in self._asked and self._due(way):
                 self._asked.add(way.end_seq)
                 try:
                     self._steer(way)
                 except DslamError as problem:
                     self._ear.warn(f"adaptive, leg {len(way.legs)}: {problem}")
+
+    def _due(self, way: UnderWay) -> bool:
+        """Whether to ask now: as late as the answer can still be sent, but from a half of the leg on."""
+        now_s = time.monotonic()
+        begun_s, begun_ms = self._clock = self._clock or (now_s, way.now_ms)
+        if now_s - begun_s > 1.0:
+            self._pace = max(1e-3 * (way.now_ms - begun_ms) / (now_s - begun_s), 1e-3)  # of a sped-up vehicle's clock
+        needed_s = ADVICE_FACTOR * self._advice_s + TRANSFER_S
+        return way.share >= LATEST or (way.share >= EARLIEST and way.left_s <= needed_s * self._pace)
 
     def _steer(self, way: UnderWay) -> None:
         limits = self._limits(way)
@@ -81,6 +96,7 @@ class Steering:
             return
         begun_s = time.monotonic()
         advice = self._steered.adviser.advise(_flight(way), limits)
+        self._advice_s = max(self._advice_s if self.changes else 0.0, time.monotonic() - begun_s)
         sense = first_turn(self.held) or 1.0
         turns = [sense * turn for turn in advice.turn_rad]
         number = len(way.legs)
@@ -88,7 +104,7 @@ class Steering:
             self._ear.warn(f"adaptive, leg {number}: what was proposed leaves the fence; the old mission is flown on")
             return
         new = continued(self.held, way.end_seq, turns, advice.length_m)
-        if not self._in_time(way, begun_s):
+        if not self._in_time(way):
             self._ear.warn(f"adaptive, leg {number}: the proposal came too late; the old mission is flown on")
             return
         self.held = change(self._link, self._system, self.held, new, way.end_seq)
@@ -116,13 +132,10 @@ class Steering:
         fence = Fence(seen(steered.fence.within), seen(steered.fence.keep_out))
         return Limits(max(steered.total_m - flown_m, 0.0), least_leg_m=steered.least_leg_m, fence=fence)
 
-    def _in_time(self, asked: UnderWay, begun_s: float) -> bool:
+    def _in_time(self, asked: UnderWay) -> bool:
         """Whether the leg under way is still the one it was, and lasts long enough for the transfer."""
         now = self._collector.under_way()
-        if now is None or now.end_seq != asked.end_seq:
-            return False
-        pace = 1e-3 * (now.now_ms - asked.now_ms) / max(time.monotonic() - begun_s, 1e-9)  # of the vehicle's clock
-        return now.left_s >= MARGIN_S * max(pace, 1.0)
+        return now is not None and now.end_seq == asked.end_seq and now.left_s >= TRANSFER_S * self._pace
 
 
 def _flight(way: UnderWay) -> Flight:

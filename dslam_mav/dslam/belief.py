@@ -20,7 +20,7 @@ from dslam_mav.records import Estimate, Flight
 
 Array = NDArray[np.float64]
 
-CHAINS = 96
+CHAINS = 80
 FROM_PRIOR = 0.25  # of the chains begin anew at every leg
 FROM_MODES = 0.35  # begin at what the estimator has found
 SCANNED = 48  # headings of a leg more
@@ -60,9 +60,8 @@ class Belief:
         """`count` of them, drawn evenly by weight, which then are alike."""
         at = (np.arange(count) + rng.random()) / count
         index = np.minimum(np.searchsorted(np.cumsum(self.weight), at), len(self.weight) - 1)
-        lay = self.layouts
-        some = Layouts(lay.places[index], lay.peak[index], lay.spread_m[index], lay.rate_m2_s[index])
         even = np.full(count, 1.0 / count)
+        some = self.layouts.chosen(index)
         return Belief(self.vertices_m[index], some, even, self.chains.part(index), self.noise_sd)
 
 
