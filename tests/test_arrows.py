@@ -42,7 +42,7 @@ HOUSE = {
     "replay": (f"{LEGS} dslam log mav", "numpy"),
     "flight_log": (f"{LEGS} log mav replay", ""),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
-    "missions": (f"{BASE} dslam files", "numpy scipy"),
+    "missions": (f"{BASE} dslam files", "numpy scipy threadpoolctl"),
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
     "sim_bridge.fields": (f"{BASE} dslam log mav", "numpy scipy msgspec"),
     "sim_bridge.loopback": (f"{BASE} mav", "numpy"),

@@ -115,7 +115,9 @@ def seen_of(flight: Flight, known: Known) -> Seen:
 
 def noise_of(flight: Flight) -> float:
     """Noise of a reading, by third differences: a smooth field leaves nothing in them."""
-    differences = np.concatenate([np.diff(leg.reading, 3) for leg in flight.legs if leg.reading.size > 3] or [np.zeros(1)])
+    differences = np.concatenate(
+        [np.diff(leg.reading, 3) for leg in flight.legs if leg.reading.size > 3] or [np.zeros(1)]
+    )
     whole = np.concatenate([leg.reading for leg in flight.legs])
     rough = 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(20.0)
     return max(rough, QUIETEST * float(np.ptp(whole)), 1e-12)
@@ -220,5 +222,8 @@ def _longer(chains: Chains, seen: Seen, rng: np.random.Generator) -> Chains:
 
 def _of_all(parts: list[Chains]) -> Chains:
     return Chains(
-        *(np.concatenate([getattr(p, n) for p in parts]) for n in ("theta", "place", "log_peak", "log_spread2", "ambient"))
+        *(
+            np.concatenate([getattr(p, n) for p in parts])
+            for n in ("theta", "place", "log_peak", "log_spread2", "ambient")
+        )
     )

@@ -98,9 +98,7 @@ class Autopilot:
         if self._flight is not None and self._flight.is_mission:
             first = self.first_seq = min(self.first_seq, len(items) - 1)
             origin_m, yaw_rad = self._flight.timeline.origin_m, self._flight.timeline.yaw_rad
-            whole = lay_out(
-                items, self.home, origin_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=yaw_rad, first=first
-            )
+            whole = lay_out(items, self.home, origin_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=yaw_rad, first=first)
             if not self._flight.redirect(whole):
                 self._turn_to(self._seq)
             return

@@ -15,7 +15,9 @@ LEAST_POINTS, POINTS_PER_SPREAD = 4, 3.0
 
 
 @njit(**OPTIONS)
-def _profile(x: float, y: float, heading: float, length: float, places: Array, peaks: Array, c: float, out: Array) -> None:
+def _profile(
+    x: float, y: float, heading: float, length: float, places: Array, peaks: Array, c: float, out: Array
+) -> None:
     """Readings at the middles of `out.size` equal parts of a leg."""
     n = out.size
     along_x, along_y = math.cos(heading), math.sin(heading)

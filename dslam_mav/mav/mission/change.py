@@ -19,7 +19,7 @@ from dslam_mav.mav.mission.transfer import download, upload
 from dslam_mav.mission import Mission
 
 RESTORES = 3
-PLACE_WAIT_S = 1.5
+PLACE_WAIT_S = 1.2  # autopilots send MISSION_CURRENT every second
 PLACE_TRIES = 3
 
 
@@ -68,11 +68,9 @@ def keep_place(link: Link, vehicle_system: int, seq: int) -> None:
 
 
 def _current(talk: Talk) -> int | None:
-    """The item flown to, as heard next; None: not heard in time."""
-    until_s = time.monotonic() + PLACE_WAIT_S
-    while (message := talk.receive(until_s)) is not None:
+    """The item flown to, as last heard: what comes first may have waited. None: not heard."""
+    until_s, heard = time.monotonic() + PLACE_WAIT_S, None
+    while (message := talk.receive(until_s)) is not None and time.monotonic() < until_s:
         if message.get_type() == "MISSION_CURRENT":
-            return int(message.seq)
-        if time.monotonic() >= until_s:
-            break
-    return None
+            heard = int(message.seq)
+    return heard

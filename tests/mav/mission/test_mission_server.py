@@ -123,4 +123,5 @@ def test_in_flight_a_mission_may_be_replaced_but_not_cleared() -> None:
     assert tell(server, ClearAll())[1] == [Ack(DENIED)]
     assert tell(server, RequestList())[1] == [Count(2)]
     server, replies = tell(server, Count(1))
-    assert replies == [Request(0)] and server.items == OLD
+    assert replies == [Request(0)]
+    assert server.items == OLD
