@@ -33,7 +33,7 @@ ITERATIONS = 20
 ANSWERS = 18  # told apart
 NO_FENCE = Fence()
 FENCE_WEIGHT = 300.0
-SHARES = (-1.2, 1.2)  # of a leg's length, in logarithms about the usual
+MOST_APART = 1.2  # legs' lengths, in logarithms either way
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +122,7 @@ def next_legs(
     """The rest of the mission; `before`: what was proposed for it earlier, one of the starts."""
     off = TURN_OFF_RAD * rng.standard_normal((len(flown.layouts), limits.most_legs))
     ahead = _Ahead(flown, sensing, limits, off)
-    starts = list(_starts(flown, limits, rng, before))
+    starts = [_within(x, limits) for x in _starts(flown, limits, rng, before)]
     starts.sort(key=ahead.value)
     candidates = list(starts[DESCENDED : DESCENDED + JUDGED])
     for x in starts[:DESCENDED]:
@@ -172,7 +172,14 @@ def _starts(flown: Flown, limits: Limits, rng: np.random.Generator, before: Prop
 
 
 def _bounds(x: Array, limits: Limits) -> list[tuple[float, float]]:
-    """Turns keep their side and their limits."""
+    """Turns keep their side and their limits; shares lie so near to each other that no leg becomes too short."""
     low, high = limits.turn_rad
     n = x.size // 2
-    return [*[(low, high) if turn >= 0.0 else (-high, -low) for turn in x[:n]], *[SHARES] * n]
+    ratio = max(limits.length_m / limits.least_leg_m - 1.0, 1.0) / max(n - 1, 1)
+    apart = min(MOST_APART, max(0.5 * math.log(ratio), 0.0))
+    return [*[(low, high) if turn >= 0.0 else (-high, -low) for turn in x[:n]], *[(-apart, apart)] * n]
+
+
+def _within(x: Array, limits: Limits) -> Array:
+    low, high = np.array(_bounds(x, limits)).T
+    return np.asarray(np.clip(x, low, high))

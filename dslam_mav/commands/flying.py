@@ -11,8 +11,8 @@ from pathlib import Path
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.assume import in_words
 from dslam_mav.commands.adaptive import Flying, steer
+from dslam_mav.commands.assume import in_words
 from dslam_mav.commands.attached import as_logged, attach
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress

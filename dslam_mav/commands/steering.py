@@ -21,7 +21,7 @@ from dslam_mav.legs import LegCollector, UnderWay, flight_of
 from dslam_mav.mav.link import Link
 from dslam_mav.mav.mission.change import change
 from dslam_mav.mav.mission.talk import Talk
-from dslam_mav.mission import Mission, home_of, leg_plan
+from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Flight
 from missions.adviser import Advice
 from missions.continued import continued, first_turn, vertices_to_come

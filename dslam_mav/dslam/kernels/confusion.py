@@ -45,8 +45,8 @@ def separations(
 ) -> Array:  # fmt: skip
     """(M, M) χ² by which answer i's readings on the legs to come are told from answer j's, which may turn as it likes.
 
-    `ends` (M, 2) and `headings` (M,) where each believes to be; `per_noise2` readings a metre over the noise's variance;
-    pairs not `wanted` (M, M) stay 0. Leg after leg the other takes the heading that fits best.
+    `ends` (M, 2) and `headings` (M,) where each believes to be; `per_noise2` readings a metre over the noise's
+    variance; pairs not `wanted` (M, M) stay 0. Leg after leg the other takes the heading that fits best.
     """
     m, n_legs = ends.shape[0], turns.size
     out = np.zeros((m, m))

@@ -62,7 +62,7 @@ class Holder:
         replies = [to_message(r, 255, 190) for r in self._step(record)] if record is not None else []
         return [*replies, where]
 
-    def _step(self, record: Any) -> list[Any]:
+    def _step(self, record: Any) -> list[Any]:  # noqa: PLR0911  one return a message
         match record:
             case Count(count):
                 self.count, self.uploads = count, self.uploads + 1

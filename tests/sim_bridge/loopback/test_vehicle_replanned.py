@@ -63,7 +63,7 @@ def test_where_the_item_under_way_changes_the_vehicle_turns_to_it_at_its_speed()
     here = own.snapshot()
     own.set_items(moved(plan, FIRST + 2, 60.0, 60.0).items)
     heard = flight(own)
-    assert [m.seq for m in heard["MISSION_ITEM_REACHED"]][0] == FIRST + 2
+    assert heard["MISSION_ITEM_REACHED"][0].seq == FIRST + 2
     first = heard["LOCAL_POSITION_NED"][1]
     assert np.hypot(first.vx, first.vy) == np.float32(8.0)
     assert np.hypot(first.x - here.place_m[0], first.y - here.place_m[1]) < 1.0
