@@ -62,6 +62,7 @@ class Bridge:
         self._noise_sd = noise_sd
         self._rng = rng
         self._name = name
+        self._total = 0  # items of the mission, as the vehicle says with the one it flies to
 
     def run(self, stop: threading.Event, *, silence_s: float = SILENCE_S) -> None:
         """Serve until the last vertex is reached or `stop` is set.
@@ -90,6 +91,10 @@ class Bridge:
             self._send(self.sampler.position(message.time_boot_ms, place_m))
         elif kind == "MISSION_ITEM_REACHED":
             self.sampler.reached(message.seq)
+        elif kind == "MISSION_CURRENT":
+            before, self._total = self._total, int(getattr(message, "total", 0))
+            if 0 < before != self._total > 0:
+                self.sampler.grow(message.seq, self._total - before)
 
     def _is_vehicle(self, frame: Frame) -> bool:
         message = frame.message

@@ -104,6 +104,12 @@ class Sampler:
         """The mission's part to come is another; the vertices passed stay."""
         self._vertices = tuple(vertex_seqs)
 
+    def grow(self, current_seq: int, by: int) -> None:
+        """In flight to item `current_seq` the mission was changed behind it and is `by` items longer."""
+        if self.started and not self.finished:
+            last = self._vertices[-1] + by
+            self.follow((*(v for v in self._vertices if v <= current_seq), *range(current_seq + 1, last + 1)))
+
     def reached(self, seq: int) -> None:
         """MISSION_ITEM_REACHED: a vertex ends a leg and begins the next; others do nothing."""
         if seq not in self._vertices or self._vertices.index(seq) <= self._at or self._last is None:

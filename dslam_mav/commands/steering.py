@@ -20,7 +20,6 @@ from dslam_mav.errors import DslamError, LinkError
 from dslam_mav.legs import LegCollector, UnderWay, flight_of
 from dslam_mav.mav.link import Link
 from dslam_mav.mav.mission.change import change
-from dslam_mav.mav.mission.talk import Talk
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Flight
 from missions.adviser import Advice
@@ -34,6 +33,7 @@ TRANSFER_S = 1.5  # before a leg ends no other mission is sent
 FIRST_ADVICE_S = 2.0  # what the first takes, until its own time is known
 ADVICE_FACTOR = 2.0  # of the longest so far is allowed for
 LISTEN_S = 0.05
+HEARTBEAT_S = 1.0
 LEAST_LEFT = 1e-3  # of the mission: less is no leg
 
 
@@ -64,15 +64,16 @@ class Steering:
         self._advice_s = FIRST_ADVICE_S
         self._clock: tuple[float, int] | None = None  # host's seconds and vehicle's milliseconds when first heard
         self._pace = 1.0
+        self._beat_s = -math.inf
 
     def run(self, stop: threading.Event) -> None:
         """Until told to stop, or the target is reached."""
-        talk = Talk(self._link, self._system)
         while not stop.is_set() and not self.reached:
             try:
-                talk.receive(time.monotonic() + LISTEN_S)
-            except LinkError:
-                return  # the loop on board says so
+                self._keep_in_touch()
+            except LinkError as problem:
+                self._ear.warn(f"adaptive: {problem}; the mission is flown on as it is")
+                return
             way = self._collector.under_way()
             if way is not None and way.end_seq not in self._asked and self._due(way):
                 self._asked.add(way.end_seq)
@@ -80,6 +81,15 @@ class Steering:
                     self._steer(way)
                 except DslamError as problem:
                     self._ear.warn(f"adaptive, leg {len(way.legs)}: {problem}")
+
+    def _keep_in_touch(self) -> None:
+        """A vehicle answers only those it hears; what it says meanwhile is of no use here."""
+        now_s = time.monotonic()
+        if now_s - self._beat_s >= HEARTBEAT_S:
+            self._beat_s = now_s
+            self._link.send_heartbeat()
+        while time.monotonic() - now_s < LISTEN_S:
+            self._link.receive(LISTEN_S)
 
     def _due(self, way: UnderWay) -> bool:
         """Whether to ask now: as late as the answer can still be sent, but from a half of the leg on."""

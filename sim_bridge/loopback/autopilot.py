@@ -101,6 +101,7 @@ class Autopilot:
             whole = lay_out(items, self.home, origin_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=yaw_rad, first=first)
             if not self._flight.redirect(whole):
                 self._turn_to(self._seq)
+            self._tell(MISSION_CURRENT)
             return
         self._seq = self.first_seq = 0
         self.mission_state = MissionState.NOT_STARTED if items else MissionState.NO_MISSION
