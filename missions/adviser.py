@@ -23,6 +23,9 @@ from missions.next_legs import Flown, Limits, Proposal, next_legs
 Array = NDArray[np.float64]
 
 DRAWS = 32
+MANY, PATIENT = 4, 0.7
+"""With so many sources the plan is kept until this share of the length is flown: what few readings leave open of so
+many unknowns is more than the draws can tell, and legs chosen by it are worse than a star's."""
 FEWEST_LEGS = 3  # for the estimator
 FIRST_GUESS_K = 3
 SPREAD_AGAIN = 1.15  # √C may be this far off what was estimated
@@ -65,18 +68,21 @@ class Adviser:
         self._belief: Belief | None = None
         self._before: Proposal | None = None
 
-    def advise(self, flight: Flight, limits: Limits) -> Advice:
-        """What to fly after the last leg of `flight`, whose readings may still be few."""
+    def advise(self, flight: Flight, limits: Limits) -> Advice | None:
+        """What to fly after the last leg of `flight`, whose readings may still be few; None: what is planned."""
         with self._threads.limit(limits=1, user_api="blas"):  # more are slower on matrices so small
             return self._advise(flight, limits)
 
-    def _advise(self, flight: Flight, limits: Limits) -> Advice:
+    def _advise(self, flight: Flight, limits: Limits) -> Advice | None:
         result = self._estimate(flight)
         if result is not None and self._reached(result):
             return Advice((), (), float(result.sd_m.max()), result, reached=True)
         known = self._known(result)
         if limits.length_m < LEFT_SPREADS * known.spread_m[0]:
             return Advice((), (), float("nan"), result, reached=False)
+        flown_m = float(flight.lengths_m.sum())
+        if known.k_sources >= MANY and flown_m < PATIENT * (flown_m + limits.length_m):
+            return None
         usable = result if result is not None and np.isfinite(result.sources.position_m).all() else None
         self._belief = believed(flight, known, self._rng, self._belief, usable)
         draws = self._belief.part(DRAWS, self._rng)

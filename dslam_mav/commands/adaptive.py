@@ -70,6 +70,12 @@ def steer(
     )
     link = stack.enter_context(Link(flying.url, system=flying.system, component=COMPONENT_STEERING))
     worker = Steering(link, flying.system, flying.collector, planned, flying.held, ear)
+
+    def told() -> None:
+        if options.target_sd is not None and not worker.reached:
+            ear.warn(f"--target-sd {options.target_sd:g}: not reached before the last leg")
+
+    stack.callback(told)
     stack.enter_context(background(worker.run, "steering"))
     return lambda: as_logged(worker.held)
 

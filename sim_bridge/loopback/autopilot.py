@@ -190,15 +190,12 @@ class Autopilot:
             self._items, self.home, self._body.place_m, speed_m_s=flight.speed_m_s(self.cruise_speed_m_s),
             yaw_rad=self._body.yaw_rad, first=min(seq, len(self._items) - 1),
         )  # fmt: skip
-        begun, held = flight.index >= 0, flight.held_ms is not None
-        if not begun:
-            self._flight = Flight(timeline, flight.start_ms, is_mission=True)
-            return
-        self._flight = Flight(timeline, self.time_ms, is_mission=True, index=0, held_ms=0 if held else None)
-        self._seq = timeline.segments[0].seq
-        if not held:
-            self._body.follow(timeline.segments[0])
-        self._tell(MISSION_CURRENT)
+        self._flight = flight.turned(timeline, self.time_ms)
+        if self._flight.index == 0:
+            self._seq = timeline.segments[0].seq
+            if self._flight.held_ms is None:
+                self._body.follow(timeline.segments[0])
+            self._tell(MISSION_CURRENT)
 
     def _go_home(self, mode: Mode) -> None:
         command = CMD_RETURN_TO_LAUNCH if mode is Mode.RETURN else CMD_LAND

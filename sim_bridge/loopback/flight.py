@@ -48,6 +48,12 @@ class Flight:
         self.timeline = timeline
         return True
 
+    def turned(self, timeline: Timeline, time_ms: int) -> Flight:
+        """The flight gone on with another timeline from now; one not begun, or paused, stays so."""
+        if self.index < 0:
+            return Flight(timeline, self.start_ms, is_mission=True)
+        return Flight(timeline, time_ms, is_mission=True, index=0, held_ms=None if self.held_ms is None else 0)
+
     def speed_m_s(self, default: float) -> float:
         """Over the ground, on the segment under way."""
         if self.index < 0:

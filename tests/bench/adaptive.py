@@ -101,16 +101,17 @@ def advised(scene: Scene, seed: int, seen: float, rng: np.random.Generator) -> t
     region = Region(tuple(middle - BOX), tuple(middle + BOX))
     adviser = Adviser(Assumed(KNOWN, k, Known(k, region, (1.0, 1.0))), seed=seed)
     path, legs, seconds = FIVE[:2], [scene.leg(FIVE[0], FIVE[1], 0.0, rng)], []
-    while (left := LENGTH - sum(leg.length_m for leg in legs)) > 1e-6:
+    while (left := LENGTH - sum(leg.length_m for leg in legs)) > LEAST_LEG:
         begun = time.perf_counter()
         so_far = Flight((*legs[:-1], _cut(legs[-1], seen)))
         advice = adviser.advise(so_far, Limits(left, least_leg_m=LEAST_LEG))
         seconds.append(time.perf_counter() - begun)
-        if not advice.length_m:
-            break
-        heading = math.atan2(*(path[-1] - path[-2])[::-1]) + advice.turn_rad[0]
-        step = advice.length_m[0] * np.array([math.cos(heading), math.sin(heading)])
-        path = np.vstack([path, path[-1] + step])
+        if advice is None:
+            path = np.vstack([path, FIVE[len(path)]])  # the plan, of which nothing was changed yet
+        else:
+            heading = math.atan2(*(path[-1] - path[-2])[::-1]) + advice.turn_rad[0]
+            step = advice.length_m[0] * np.array([math.cos(heading), math.sin(heading)])
+            path = np.vstack([path, path[-1] + step])
         legs.append(scene.leg(path[-2], path[-1], LENGTH - left, rng))
     return scene.error(estimate(Flight(tuple(legs)), KNOWN, k), path), seconds
 

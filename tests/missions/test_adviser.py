@@ -137,6 +137,7 @@ def test_it_is_enough_when_every_source_is_as_sure_as_wanted_and_not_before() ->
     for target_sd_m, n_legs, reached in ((0.1, 7, True), (1e-6, 7, False), (0.1, 2, False)):
         adviser = Adviser(Assumed(KNOWN, 2, PRIOR), target_sd_m=target_sd_m)
         advice = adviser.advise(first(case.flight, n_legs), Limits(8.0))
+        assert advice is not None
         assert advice.reached is reached
         assert (advice.length_m == ()) is reached
 
@@ -144,6 +145,7 @@ def test_it_is_enough_when_every_source_is_as_sure_as_wanted_and_not_before() ->
 def test_the_first_turn_of_all_is_to_the_side_that_the_gauge_calls_left() -> None:
     case = random_case((34, 2), 2, 20.0)
     advice = Adviser(Assumed(KNOWN, 2, PRIOR)).advise(first(case.flight, 1), Limits(19.2))
+    assert advice is not None
     assert advice.turn_rad[0] > 0.0
     assert advice.estimate is None
 
@@ -154,5 +156,16 @@ def test_number_of_sources_spread_and_ambient_may_be_unknown() -> None:
     adviser = Adviser(Assumed(Medium(static=True, ambient=None), None, prior))
     for n_legs in (1, 2, 3, 4):
         advice = adviser.advise(first(case.flight, n_legs), Limits(3.2 * (7 - n_legs)))
+        assert advice is not None
         assert sum(advice.length_m) == pytest.approx(3.2 * (7 - n_legs))
         assert np.isfinite(advice.expected_m)
+
+
+def test_with_many_sources_the_plan_is_kept_until_most_of_it_is_flown() -> None:
+    case = random_case((36, 4), 4, 30.0)
+    adviser = Adviser(Assumed(KNOWN, 4, replace(PRIOR, k_sources=4)))
+    assert adviser.advise(first(case.flight, 1), Limits(6 * 3.2)) is None
+    assert adviser.advise(first(case.flight, 4), Limits(3 * 3.2)) is None
+    late = adviser.advise(first(case.flight, 5), Limits(2 * 3.2))
+    assert late is not None
+    assert sum(late.length_m) == pytest.approx(2 * 3.2)
