@@ -72,11 +72,13 @@ def steer(
     worker = Steering(link, flying.system, flying.collector, planned, flying.held, ear)
 
     def told() -> None:
+        if thread.error is not None:
+            ear.warn(f"adaptive: {thread.error!r}: the mission was flown on as it was")
         if options.target_sd is not None and not worker.reached:
             ear.warn(f"--target-sd {options.target_sd:g}: not reached before the last leg")
 
     stack.callback(told)
-    stack.enter_context(background(worker.run, "steering"))
+    thread = stack.enter_context(background(worker.run, "steering"))
     return lambda: as_logged(worker.held)
 
 

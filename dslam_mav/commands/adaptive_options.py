@@ -56,6 +56,10 @@ def check(options: Namespace) -> None:
         raise BadInputError(
             "--adaptive with --distance plan: how far a leg is flown must be measured; expected odometry or speed"
         )
+    if options.heading == "plan":
+        raise BadInputError("--adaptive with --heading plan: the plan changes in flight; expected none or vehicle")
+    if options.closed:
+        raise BadInputError("--adaptive with --closed: legs chosen in flight need not end where they began")
     if getattr(options, "readings", None) and not str(options.readings).endswith(".npz"):
         raise BadInputError(
             f"--adaptive with --readings {options.readings}: logged readings are of the path they were taken on; "

@@ -89,11 +89,11 @@ def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Scree
 
 
 def _mission(options: Namespace) -> tuple[Mission, int]:
-    """The mission and the vehicle's system: from `--plan`, or as the vehicle holds it."""
+    """The mission and the vehicle's system: from `--plan`, or as the vehicle holds it, as it must to be changed."""
     given = read_plan(Path(options.plan)).mission if options.plan else None
     with Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND) as ground:
         system = wait_for_vehicle(ground, options.timeout)
-        mission = download(ground, system) if given is None else given
+        mission = download(ground, system) if given is None or options.adaptive else given
     where = options.plan or f"vehicle {system}'s mission"
     if (n := len(leg_plan(mission).sequence)) < 2:
         raise BadInputError(f"{where}: {n} waypoints: expected 2 or more, to fly legs between")

@@ -114,6 +114,17 @@ def test_a_change_that_fails_in_flight_leaves_the_old_mission_flying(
     assert done.object["errors"]["path_rms_m"] < 1.0
 
 
+def test_a_bug_in_the_adviser_does_not_end_the_flight_and_is_told(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_: Adviser, flight: Flight, limits: Limits) -> Advice:
+        raise ZeroDivisionError("of all things")
+
+    monkeypatch.setattr(Adviser, "advise", broken)
+    done = fly(scene)
+    assert done.code == 0, done.err
+    assert "of all things" in done.err
+    np.testing.assert_allclose(held(done).vertices_m, PATH, atol=0.02)
+
+
 def test_it_stops_where_every_source_is_as_sure_as_wanted_and_says_so(
     scene: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,6 +143,8 @@ def test_it_stops_where_every_source_is_as_sure_as_wanted_and_says_so(
         (("--target-sd", 0.5), "--target-sd 0.5: only with --adaptive"),
         (("--adaptive", "--method", "paper"), "--method paper: legs are chosen by the joint estimate; expected joint"),
         (("--adaptive", "--distance", "plan"), "how far a leg is flown must be measured; expected odometry or speed"),
+        (("--adaptive", "--heading", "plan"), "the plan changes in flight; expected none or vehicle"),
+        (("--adaptive", "--closed"), "--adaptive with --closed: legs chosen in flight need not end where they began"),
         (("--adaptive", "--target-sd", -1), "argument --target-sd: '-1': expected a positive number"),
     ],
 )
