@@ -17,6 +17,7 @@ from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.belief import Belief, Known, believed
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.dslam.expected import Sensing
+from dslam_mav.dslam.layouts import Prior, Region, drawn
 from dslam_mav.records import Estimate, Flight, Medium, Verdict
 from missions.next_legs import Flown, Limits, Proposal, next_legs
 
@@ -67,6 +68,15 @@ class Adviser:
         self._threads = ThreadpoolController()  # type: ignore[no-untyped-call]
         self._belief: Belief | None = None
         self._before: Proposal | None = None
+
+    def warm_up(self) -> None:
+        """Compile ahead what `dslam.warm` does not: the first advice must not wait for it."""
+        known = self._assumed.prior
+        layouts = drawn(Prior((1, 1), (1.0, 1.0), Region((0.0, 0.0), (1.0, 1.0))), 2, np.random.default_rng(0))[0]
+        path = np.array([[[0.0, 0.0], [1.0, 0.0]]] * 2)
+        limits = Limits(2.0, most_legs=1)
+        next_legs(Flown(path, layouts), Sensing(1.0, 5.0, spread_unknown=known.spread_m[0] < known.spread_m[1]), limits,
+                  np.random.default_rng(0))  # fmt: skip
 
     def advise(self, flight: Flight, limits: Limits) -> Advice | None:
         """What to fly after the last leg of `flight`, whose readings may still be few; None: what is planned."""

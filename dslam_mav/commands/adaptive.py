@@ -51,6 +51,7 @@ def steer(
     planned = steered(options, flying.assumptions, flying.held, _fence(options, flying.held))
     if planned is None:
         return lambda: as_logged(flying.held)
+    planned.adviser.warm_up()
     recorder = flying.recorder
 
     def changed(held: Mission) -> None:
