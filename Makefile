@@ -1,13 +1,15 @@
 # make fly    install into .venv, fly the demonstration missions, leave logs/<UTC>/flight.mcap and report.html
 # make test   everything a change must pass: lint, types, all tests in parallel
 # make bench  accuracy and speed tables (minutes)
+# make gallery  docs/gallery.md: what each pattern sees
+# make interop  MAVProxy and Rerun, in an environment of their own (1.5 GB), with what we fly and write
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 RECORDING := ../shared/data/spot_bilayer_a.npz
 WORKERS ?= auto
 
-.PHONY: fly test lint bench schemas clean
+.PHONY: fly test lint bench gallery interop schemas clean
 
 fly: $(VENV)/installed
 	$(BIN)/dslam-mav fly --sources 3 --ambient auto
@@ -27,9 +29,24 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench
 	$(BIN)/python -m tests.bench.counting
 	$(BIN)/python -m tests.bench.speed
+	$(BIN)/python -m tests.bench.throughput --speedup 4
 	$(BIN)/python -m tests.bench.plans
 	$(BIN)/python -m tests.bench.recorded_fields
 	$(BIN)/python -m tests.bench.recorded
+	$(BIN)/python -m tests.bench.flights
+
+# What each pattern sees: docs/gallery.md and its pictures (two minutes).
+gallery: $(VENV)/installed-dev
+	$(BIN)/python -m dslam_mav.commands.gallery docs
+
+interop: $(VENV)/installed-dev build/interop/installed
+	$(BIN)/python -m tests.interop
+
+build/interop/installed:
+	$(PYTHON) -m venv build/interop
+	build/interop/bin/python -m pip install --quiet --disable-pip-version-check \
+		'MAVProxy>=1.8.74,<1.9' 'rerun-sdk>=0.30,<1'
+	@touch $@
 
 # The generated schemas are kept in the repository; this makes them anew, with a compiler whose code every allowed
 # protobuf runtime accepts, in an environment of its own.

@@ -20,6 +20,8 @@ class Assumptions:
     activation_s: float | None = None
     spread_m: float | None = None
     ambient: float | None = None
+    ambient_drift_per_s: float | None = 0.0
+    sensor_lag_s: float | None = 0.0
     static: bool = True
     closed: bool = False
     heading: Literal["none", "vehicle", "plan"] = "none"
@@ -36,4 +38,6 @@ class Assumptions:
             spread_m=self.spread_m,
             ambient=self.ambient,
             static=self.static,
+            sensor_lag_s=self.sensor_lag_s,
+            ambient_drift_per_s=self.ambient_drift_per_s,
         )

@@ -3,32 +3,99 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, fields
+from importlib import import_module
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
 
 from dslam_mav.errors import BadInputError
+from dslam_mav.export.table import ReadingTable, reading_table
 from dslam_mav.legs import Distance, plan_facts
 from dslam_mav.log import reader
-from dslam_mav.mav.frames import parse_frame
 from dslam_mav.mission import DEGREES_E7, GLOBAL_FRAMES, Home, Mission, MissionItem, without_home_item
-from dslam_mav.records import Flight, Leg
-from dslam_mav.replay import flight_from_frames, flight_from_log
+from dslam_mav.observations import Progress
+from dslam_mav.recordings import Assumed, kind_of, open_recording
+from dslam_mav.records import Flight, Leg, Truth
+from dslam_mav.replay import flight_from_log, flight_from_packets
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _MISSION_ATTACHMENT = "mission.waypoints"
 _CONFIGURATION_ATTACHMENT = "configuration.json"
 
 
-@dataclass(frozen=True, slots=True)
-class LoggedFlight(reader.FlightLog):
+@dataclass(frozen=True, slots=True, eq=False)
+class LoggedFlight:
     """All that a log holds, and what follows from it.
 
+    `readings`: NumPy arrays `time_s`, `value`, `leg`, `distance_m`, of all readings (see `export.table`).
     `legs`: as the estimator on board had them, made with the mission's help and with the distance it was told to use;
-    none where the log ends before the first. `mission`: as the vehicle held it, None where the log has none.
+    none where the log ends before the first. `mission`: as the vehicle held it, None where the log has none. All else
+    as in `log.reader.FlightLog`. The `..._frame` methods need pandas.
     """
 
+    readings: ReadingTable
     legs: tuple[Leg, ...]
+    estimates: tuple[reader.LoggedEstimate, ...]
+    truth: Truth | None
     mission: Mission | None
+    frames: tuple[tuple[int, bytes], ...]
+    progress: tuple[tuple[int, Progress], ...]
+    texts: tuple[tuple[int, int, str], ...]
+    attachments: dict[str, bytes]
+    topics: dict[str, int]
+    duration_s: float
+    complete: bool
+
+    def readings_frame(self) -> DataFrame:
+        """A row a reading: time_s, value, leg (nullable), distance_m (NaN outside legs)."""
+        pandas = _pandas()
+        leg = pandas.array(self.readings.leg, dtype="Int64")
+        leg[self.readings.leg == 0] = pandas.NA
+        columns = {"time_s": self.readings.time_s, "value": self.readings.value, "leg": leg}
+        frame: DataFrame = pandas.DataFrame({**columns, "distance_m": self.readings.distance_m})
+        return frame
+
+    def legs_frame(self) -> DataFrame:
+        """A row a leg: leg, length_m, n_readings, begin_s and end_s (of its readings), mean (their mean)."""
+        pandas = _pandas()
+        names = ["leg", "length_m", "n_readings", "begin_s", "end_s", "mean"]
+        rows = []
+        for number, leg in enumerate(self.legs, 1):
+            told = (leg.time_s[0], leg.time_s[-1], leg.reading.mean()) if leg.reading.size else (math.nan,) * 3
+            rows.append((number, leg.length_m, leg.reading.size, *told))
+        frame: DataFrame = pandas.DataFrame(rows, columns=names)
+        return frame
+
+    def estimates_frame(self) -> DataFrame:
+        """A row a source of each estimate: legs_flown, final, verdict, source, x_m, y_m, amplitude, peak_reading,
+        sd_m.
+        """
+        pandas = _pandas()
+        names = ["legs_flown", "final", "verdict", "source", "x_m", "y_m", "amplitude", "peak_reading", "sd_m"]
+        rows = []
+        for each in self.estimates:
+            sources, sd_m = each.estimate.sources, each.estimate.sd_m
+            which = (each.legs_flown, each.final, each.estimate.verdict.name)
+            for k, (x_m, y_m) in enumerate(sources.position_m[:, :2]):
+                rows.append((*which, k + 1, x_m, y_m, sources.amplitude[k], sources.peak_reading[k], sd_m[k]))
+        frame: DataFrame = pandas.DataFrame(rows, columns=names)
+        return frame
+
+    def truth_frame(self) -> DataFrame:
+        """A row a true source: source, east_m, north_m, amplitude; none where the truth is not known."""
+        pandas = _pandas()
+        names = ["source", "east_m", "north_m", "amplitude"]
+        rows = []
+        if self.truth is not None:
+            places = self.truth.source_position_m[:, :2]
+            rows = [(k + 1, *places[k], amplitude) for k, amplitude in enumerate(self.truth.amplitude)]
+        frame: DataFrame = pandas.DataFrame(rows, columns=names)
+        return frame
 
 
 def read_log(path: Path | str) -> LoggedFlight:
@@ -42,16 +109,28 @@ def read_log(path: Path | str) -> LoggedFlight:
         except (ValueError, OverflowError) as problem:
             raise BadInputError(f"{path}: attachment {_MISSION_ATTACHMENT}: {problem}") from None
         mission = mission if flown.home_item else without_home_item(mission)
-    held = {field.name: getattr(log, field.name) for field in fields(log)}
-    return LoggedFlight(**held, legs=_legs(log, str(path), mission, flown), mission=mission)
+    held = {field.name: getattr(log, field.name) for field in fields(log) if field.name != "readings"}
+    legs, readings = _legs(log, str(path), mission, flown)
+    return LoggedFlight(**held, readings=readings, legs=legs, mission=mission)
 
 
-def read_flight(path: Path | str) -> Flight:
-    """The flight in a .mcap log, its legs as on board, or in a .tlog; BadInputError says what the log lacks."""
+def read_flight(path: Path | str, *, columns: str | None = None) -> Flight:
+    """The flight in a .mcap log, its legs as on board, in a .tlog, ArduPilot's .bin, or a CSV file with the places its
+    readings were taken at, its `columns` as in `replay --columns`; BadInputError says what it lacks.
+    """
     path = Path(path)
-    if path.suffix == ".mcap" and (legs := read_log(path).legs):
-        return Flight(legs)
-    return flight_from_log(path).flight
+    if kind_of(path) == "mcap":
+        legs = read_log(path).legs
+        return Flight(legs) if legs else flight_from_log(path).flight
+    recording = open_recording(path, columns)
+    return recording.flight(recording.mission, Assumed()).flight
+
+
+def _pandas() -> Any:
+    try:
+        return import_module("pandas")
+    except ModuleNotFoundError:
+        raise BadInputError("data frames need pandas; install it with: pip install 'dslam-mav[pandas]'") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,13 +156,17 @@ def _flown(configuration: bytes) -> _Flown:
     )
 
 
-def _legs(log: reader.FlightLog, name: str, mission: Mission | None, flown: _Flown) -> tuple[Leg, ...]:
-    frames = [frame for frame in (parse_frame(raw, received_ns) for received_ns, raw in log.frames) if frame]
+def _legs(
+    log: reader.FlightLog, name: str, mission: Mission | None, flown: _Flown
+) -> tuple[tuple[Leg, ...], ReadingTable]:
     plan = None if mission is None else plan_facts(mission)
     try:
-        return flight_from_frames(frames, name, plan=plan, distance=flown.distance, system=flown.system).flight.legs
+        found = flight_from_packets(log.frames, name, plan=plan, distance=flown.distance, system=flown.system)
     except BadInputError:  # says what is lacking for legs; all else in the log is worth having without them
-        return ()
+        time_ms = np.array([reading.time_boot_ms for _, reading in log.readings], dtype=np.int64)
+        value = np.array([reading.value for _, reading in log.readings], dtype=np.float64)
+        return (), reading_table((), time_ms, value)
+    return found.flight.legs, reading_table(found.legs, *found.collector.readings())
 
 
 def _mission(text: str) -> Mission:

@@ -157,6 +157,28 @@ def without_home_item(mission: Mission) -> Mission:
     return Mission(_jumps_moved(mission.items[1:], -1), home_of(mission))
 
 
+def moved_to(mission: Mission, home: Home) -> Mission:
+    """The mission as it would be flown from another home: every place as far east and north of that one.
+
+    ValueError where the mission knows no home of its own.
+    """
+    before = home_of(mission)
+    if before is None:
+        raise ValueError("home: the mission has no position to move it from")
+    items = [_moved_item(item, before, home) for item in mission.items]
+    if has_home_item(mission):
+        items[0] = home_item(home)
+    return Mission(tuple(items), home)
+
+
+def _moved_item(item: MissionItem, before: Home, home: Home) -> MissionItem:
+    if not item.has_position:
+        return item
+    x, y = enu_to_e7(*e7_to_enu(item.x, item.y, before), home)
+    higher_m = home.altitude_m - before.altitude_m if item.frame in ABSOLUTE_FRAMES else 0.0
+    return replace(item, x=x, y=y, z=item.z + higher_m)
+
+
 def _jumps_moved(items: Sequence[MissionItem], by: int) -> tuple[MissionItem, ...]:
     """Items whose DO_JUMP targets follow when everything moves `by` places."""
     return tuple(replace(i, params=(i.params[0] + by, *i.params[1:])) if i.command == CMD_JUMP else i for i in items)

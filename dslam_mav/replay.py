@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import Distance, FlownLeg, LegCollector, PlanFacts, flight_of
 from dslam_mav.log.reader import read_log
+from dslam_mav.log.topics import RAW
 from dslam_mav.mav.decode import READING_NAME, autopilot_system, decode, names_heard
 from dslam_mav.mav.frames import Frame, parse_frame
+from dslam_mav.mav.packets import Gate, Stored, system_frames
 from dslam_mav.mav.tlog import read_tlog
+from dslam_mav.observations import Observation
 from dslam_mav.records import Flight
 
 _MCAP_MAGIC = b"\x89MCAP"
@@ -19,11 +22,15 @@ _MCAP_MAGIC = b"\x89MCAP"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replayed:
-    """A flight as a log tells it: `legs` say where its legs came from, `collector` what was set aside."""
+    """A flight as a log tells it: `legs` say where its legs came from, `collector` what was set aside.
+
+    `notes`: what else a person must know of where its legs come from.
+    """
 
     flight: Flight
     legs: tuple[FlownLeg, ...]
     collector: LegCollector
+    notes: tuple[str, ...] = ()
 
 
 def flight_from_log(
@@ -39,7 +46,30 @@ def flight_from_log(
     `system` None: the autopilot heard most, of those with readings. BadInputError, one line, says what the log lacks.
     """
     path = Path(path)
-    return flight_from_frames(list(frames_of(path)), str(path), plan=plan, distance=distance, yaw=yaw, system=system)
+    if begins_as_mcap(path):
+        packets = read_log(path, (RAW,)).frames
+        return flight_from_packets(packets, str(path), plan=plan, distance=distance, yaw=yaw, system=system)
+    frames = list(read_tlog(path))
+    return flight_from_frames(frames, str(path), plan=plan, distance=distance, yaw=yaw, system=system)
+
+
+def flight_from_packets(
+    packets: Sequence[Stored],
+    name: str,
+    *,
+    plan: PlanFacts | None = None,
+    distance: Distance | None = None,
+    yaw: bool = False,
+    system: int | None = None,
+) -> Replayed:
+    """The flight in the packets that a log called `name` stored: as `flight_from_frames`, but much faster."""
+    system = autopilot_system(system_frames(packets)) if system is None else system
+    if system is None:
+        raise BadInputError(f"{name}: {_NO_AUTOPILOT}")
+    observations = Gate(system, yaw=yaw).observations(packets)
+    return flight_from_observations(
+        observations, name, plan=plan, distance=distance, heard=lambda: names_heard(_frames(packets), system)
+    )
 
 
 def flight_from_frames(
@@ -54,39 +84,62 @@ def flight_from_frames(
     """The flight in frames that came from `name`, in the order they were received."""
     system = autopilot_system(frames) if system is None else system
     if system is None:
-        raise BadInputError(f"{name}: no autopilot: expected HEARTBEAT of a vehicle's component 1")
+        raise BadInputError(f"{name}: {_NO_AUTOPILOT}")
+    seen = (decode(frame, system, yaw=yaw) for frame in frames)
+    return flight_from_observations(
+        (observation for observation in seen if observation is not None),
+        name, plan=plan, distance=distance, heard=lambda: names_heard(frames, system),
+    )  # fmt: skip
+
+
+def flight_from_observations(
+    observations: Iterable[Observation],
+    name: str,
+    *,
+    plan: PlanFacts | None,
+    distance: Distance | None,
+    heard: Callable[[], Sequence[str]],
+) -> Replayed:
+    """The flight that observations tell, in their order; `heard` gives the names of values that were no readings."""
     collector = LegCollector(plan, distance=distance)
-    for frame in frames:
-        observation = decode(frame, system, yaw=yaw)
-        if observation is not None:
-            collector.add(observation)
+    collector.add_all(observations)
+    return flight_of_collector(collector, name, heard)
+
+
+def flight_of_collector(collector: LegCollector, name: str, heard: Callable[[], Sequence[str]]) -> Replayed:
+    """The flight that a collector heard all of; BadInputError says what it lacks."""
     legs = collector.legs(final=True)
     if not legs:
-        raise BadInputError(f"{name}: {_lack(collector, frames, system)}")
+        raise BadInputError(f"{name}: {_lack(collector, heard)}")
     return Replayed(flight_of(legs), legs, collector)
 
 
-def frames_of(path: Path) -> Iterator[Frame]:
-    """The MAVLink frames of a .mcap or .tlog file, whichever it is by its first bytes."""
+def begins_as_mcap(path: Path) -> bool:
+    """Whether a file is an MCAP log by its first bytes; BadInputError where it cannot be read."""
     try:
         with path.open("rb") as file:
-            is_mcap = file.read(len(_MCAP_MAGIC)) == _MCAP_MAGIC
+            return file.read(len(_MCAP_MAGIC)) == _MCAP_MAGIC
     except OSError as problem:
         raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
-    if not is_mcap:
-        return iter(read_tlog(path))
-    stored = (parse_frame(raw, received_ns) for received_ns, raw in read_log(path).frames)
+
+
+_NO_AUTOPILOT = "no autopilot: expected HEARTBEAT of a vehicle's component 1"
+
+
+def _frames(packets: Iterable[Stored]) -> Iterator[Frame]:
+    stored = (parse_frame(raw, received_ns) for received_ns, raw in packets)
     return (frame for frame in stored if frame is not None)
 
 
-def _lack(collector: LegCollector, frames: Iterable[Frame], system: int) -> str:
+def _lack(collector: LegCollector, heard: Callable[[], Sequence[str]]) -> str:
     """Why there is no leg, in words."""
     if not collector.names:
-        heard = ", ".join(names_heard(frames, system)) or "none"
-        return f"no {READING_NAME} readings; names of NAMED_VALUE_FLOAT heard: {heard}"
+        return f"no {READING_NAME} readings; names of NAMED_VALUE_FLOAT heard: {', '.join(heard()) or 'none'}"
     if collector.last_event is None:
         return "no MISSION_ITEM_REACHED, nor MISSION_CURRENT going on: the legs cannot be told apart"
     if collector.counts["readings"] == 0:
+        if collector.counts["off the clock"]:
+            return f"the times of the {READING_NAME} readings are not of the vehicle's clock"
         return f"none of the {READING_NAME} readings is a finite number"
     if collector.legs_counts["legs lost"]:
         wanted = collector.distance or "LOCAL_POSITION_NED or VFR_HUD"

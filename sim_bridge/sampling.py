@@ -14,8 +14,10 @@ Accuracy floor: positions (LOCAL_POSITION_NED) and readings (NAMED_VALUE_FLOAT) 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,10 @@ from sim_bridge.fields.field import Array
 
 TICK_S = 1e-3  # time_boot_ms
 _SAME = 1e-9  # of a step: what rounding may take
+_STEPS = 9  # whose median is the usual time between two positions
+_GAP_STEPS = 5
+_GAP_MS = 50
+_STILL_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,13 +83,14 @@ class Sampler:
     """Follows one flight of the mission whose vertices have the sequence numbers `vertex_seqs`.
 
     Nothing is read before the first vertex is reached nor after the last, unless `always`. `skipped` counts
-    readings left out because the vehicle flew faster than whole milliseconds allow.
+    readings left out because the vehicle flew faster than whole milliseconds allow, `unplaced` those due while its
+    positions did not come: it may have turned meanwhile.
     """
 
     def __init__(self, sampling: Sampling, vertex_seqs: Sequence[int], *, always: bool = False) -> None:
         if len(vertex_seqs) < 2 and not always:
             raise BadInputError(f"mission: expected at least 2 waypoints, got {len(vertex_seqs)}")
-        self.skipped = 0
+        self.skipped = self.unplaced = 0
         self.finished = False
         self._sampling = sampling
         self._vertices = tuple(vertex_seqs)
@@ -94,6 +101,7 @@ class Sampler:
         self._start_ms: int | None = None  # of the flight
         self._next = 0  # the reading that comes next, counted from the leg's or the flight's start
         self._read_ms = -1
+        self._steps_ms: deque[int] = deque(maxlen=_STEPS)
 
     @property
     def started(self) -> bool:
@@ -104,11 +112,15 @@ class Sampler:
         """The mission's part to come is another; the vertices passed stay."""
         self._vertices = tuple(vertex_seqs)
 
-    def grow(self, current_seq: int, by: int) -> None:
-        """In flight to item `current_seq` the mission was changed behind it and is `by` items longer."""
-        if self.started and not self.finished:
-            last = self._vertices[-1] + by
-            self.follow((*(v for v in self._vertices if v <= current_seq), *range(current_seq + 1, last + 1)))
+    @property
+    def last_seq(self) -> int:
+        """The vertex at which it ends; 0: there is none."""
+        return self._vertices[-1] if self._vertices else 0
+
+    def end_at(self, last_seq: int, current_seq: int) -> None:
+        """The last vertex is another: in flight to item `current_seq` the mission was changed behind it."""
+        if self.started and not self.finished and last_seq != self.last_seq:
+            self.follow((*(v for v in self._vertices if v <= current_seq), *range(current_seq + 1, last_seq + 1)))
 
     def reached(self, seq: int) -> None:
         """MISSION_ITEM_REACHED: a vertex ends a leg and begins the next; others do nothing."""
@@ -120,12 +132,28 @@ class Sampler:
             return
         self._begin_leg(self._last)
 
+    def passed(self, seq: int, current: int) -> None:
+        """MISSION_CURRENT went from `seq` to `current`: the vertices from the one up to the other are passed."""
+        for vertex in [v for v in self._vertices if seq <= v < current][-1:]:
+            self.reached(vertex)
+
+    def landed(self) -> None:
+        """The mission is over; whoever was reading reads no more."""
+        self.finished = self.finished or (self.started and not self._always)
+
+    def interrupted(self) -> None:
+        """Where the vehicle was before says nothing of where it is now."""
+        self._last = None
+
     def position(self, time_boot_ms: int, place_m: Sequence[float]) -> Samples:
         """LOCAL_POSITION_NED as [east, north, up]: the readings due since the position before."""
         position = _Position(time_boot_ms, np.array(place_m, dtype=np.float64))
+        if self._last is not None and time_boot_ms < self._last.time_ms:
+            return _NONE  # overtaken by others
         before, self._last = self._last, position
         if self._always and self._start_ms is None:
             self._begin_leg(position)
+        gap = before is not None and self._gap(before, position)
         if before is None or self.finished or self._start_ms is None or time_boot_ms <= before.time_ms:
             return _NONE
         if self._sampling.spacing_m is not None:
@@ -137,7 +165,19 @@ class Sampler:
         if not kept:
             return _NONE
         self._read_ms = kept[-1]
+        if gap:
+            self.unplaced += len(kept)
+            return _NONE
         return _at_places(kept, self._start_ms, before, position)
+
+    def _gap(self, before: _Position, after: _Position) -> bool:
+        """Whether positions are missing: none came for much longer than usual, and it flew meanwhile."""
+        step_ms = after.time_ms - before.time_ms
+        usual_ms = median(self._steps_ms) if len(self._steps_ms) == _STEPS else math.inf
+        if step_ms > 0:
+            self._steps_ms.append(step_ms)
+        still = float(np.linalg.norm(after.place_m - before.place_m)) < _STILL_M
+        return step_ms > max(_GAP_MS, _GAP_STEPS * usual_ms) and not still
 
     def _begin_leg(self, position: _Position) -> None:
         self._origin = position

@@ -15,14 +15,20 @@ from typing import Any, Self
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Encoder, Frame
+from dslam_mav.mav.signing import Signing, Verifier
 from dslam_mav.mission import Home
 from sim_bridge.loopback import commands
 from sim_bridge.loopback.autopilot import Autopilot
 from sim_bridge.loopback.endpoints import Endpoints, Peer
 from sim_bridge.loopback.flight import Outgoing
+from sim_bridge.loopback.habit_service import HabitService
+from sim_bridge.loopback.link_faults import Air, LinkFaults, parse_link_faults
+from sim_bridge.loopback.manners import manners
 from sim_bridge.loopback.mission_service import MissionService
 from sim_bridge.loopback.router import Router
 from sim_bridge.loopback.telemetry import HEARTBEAT, build
+
+__all__ = ["DEFAULT_HOME", "Vehicle", "parse_link_faults"]
 
 DEFAULT_HOME = Home(47.397742, 8.545594, 488.0)
 
@@ -35,7 +41,9 @@ class Vehicle:
     """Listens on construction (`urls` has the ports really bound), lives while `run` runs.
 
     `listen`: "udpin:HOST:PORT" or "tcpin:HOST:PORT", port 0 for any free one. BadInputError on a malformed
-    URL or option, LinkError on a port in use.
+    URL or option, LinkError on a port in use. With `signing` it heeds and passes on only what is signed with that key.
+    `link_faults` befall all it sends and receives. `profile`: "strict", or "ardupilot" or "px4" with their ways;
+    `feed`: what such a one navigates by, "gps", "flow" or "odometry".
     """
 
     def __init__(
@@ -48,6 +56,10 @@ class Vehicle:
         home: Home = DEFAULT_HOME,
         cruise_speed_m_s: float = 5.0,
         position_rate_hz: float = 50.0,
+        signing: Signing | None = None,
+        link_faults: LinkFaults | None = None,
+        profile: str = "strict",
+        feed: str = "gps",
     ) -> None:
         _expect("system", system, 1, 255)
         _expect("speedup", speedup, 0.01, 1000.0)
@@ -55,12 +67,22 @@ class Vehicle:
         _expect("position rate", position_rate_hz, 0.1, 1000.0)
         self._speedup = speedup
         self._autopilot = Autopilot(
-            home, cruise_speed_m_s=cruise_speed_m_s, position_rate_hz=position_rate_hz, seed=seed
+            home,
+            cruise_speed_m_s=cruise_speed_m_s,
+            position_rate_hz=position_rate_hz,
+            seed=seed,
+            manners=manners(profile, feed),
         )
-        self._missions = MissionService(self._autopilot)
+        standard = self._autopilot.manners.missions == "standard"
+        self._missions = MissionService(self._autopilot) if standard else HabitService(self._autopilot)
         self._router = Router(system, COMPONENT_AUTOPILOT)
-        self._encoder = Encoder(system, COMPONENT_AUTOPILOT)
-        self._endpoints = Endpoints(listen)
+        self._encoder = Encoder(system, COMPONENT_AUTOPILOT, signing)
+        self._faults = link_faults or LinkFaults()
+        self._endpoints = Endpoints(
+            listen,
+            None if signing is None else Verifier(signing),
+            None if link_faults is None else Air(link_faults, seed),
+        )
         self._clock_s = 0.0
         self._clock_ms = 0
 
@@ -128,12 +150,12 @@ class Vehicle:
 
     def _answer(self, answers: Sequence[tuple[Any, Any]]) -> None:
         for peer, message in answers:
-            self._endpoints.send(peer, self._encoder.pack(message))
+            self._endpoints.send(peer, self._encoder.pack(self._faults.stamped(message)))
 
     def _send_all(self, outgoing: Sequence[Outgoing]) -> None:
         peers = self._endpoints.peers
         for out in outgoing:
-            raw = self._encoder.pack(out.message)
+            raw = self._encoder.pack(self._faults.stamped(out.message))
             for peer in peers:
                 if peer is out.only or (out.only is None and peer not in out.without):
                     self._endpoints.send(peer, raw)

@@ -19,7 +19,10 @@ TOPS = ("dslam_mav", "missions", "sim_bridge")
 BASE = "errors mission observations records"
 SEEN = "errors observations records"  # legs are made of these alone: GPS-denied, so no mission with its places
 LEGS = f"{BASE} legs legs.plan"
-ALL = f"{LEGS} assumed assumptions dslam experiments files log mav missions replay report sim_bridge sim_bridge.fields"
+SIMULATED = "missions sim_bridge sim_bridge.fields"
+READ = "export recordings series"
+ALL = f"{LEGS} {READ} {SIMULATED} assumed assumptions dslam experiments files forecast log mav replay report"
+SWEEP = "sweep sweep.points"
 
 # room: (rooms of ours it may import besides itself, packages of others it may import); a room may have one within
 HOUSE = {
@@ -35,18 +38,24 @@ HOUSE = {
     "dslam.paper": ("records dslam", "numpy scipy"),
     "mav": (LEGS, "pymavlink numpy"),
     "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove_schemas_protobuf zstandard numpy"),
+    "export": (f"{BASE} legs", "numpy pymap3d pyarrow"),
     "report": (f"{BASE} dslam", "jinja2 rich numpy"),
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
-    "experiments.pictures": ("records experiments", "numpy matplotlib"),
+    "experiments.pictures": ("records experiments", "numpy matplotlib PIL"),
+    "sweep": ("errors records experiments.pictures sweep.points", "numpy threadpoolctl pyarrow distributed matplotlib"),
+    "sweep.points": ("records dslam", "numpy"),
     "assumed": (f"{LEGS} assumptions dslam", "numpy"),
+    "forecast": ("records assumptions dslam", "numpy"),
+    "series": ("errors records", "numpy"),
+    "recordings": (f"{LEGS} log mav replay series", "numpy"),
     "replay": (f"{LEGS} dslam log mav", "numpy"),
-    "flight_log": (f"{LEGS} log mav replay", ""),
+    "flight_log": (f"{LEGS} export log mav recordings replay", "numpy pandas"),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
     "missions": (f"{BASE} dslam files", "numpy scipy threadpoolctl"),
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
-    "sim_bridge.fields": (f"{BASE} dslam log mav", "numpy scipy msgspec"),
+    "sim_bridge.fields": (f"{BASE} dslam log mav series", "numpy scipy msgspec"),
     "sim_bridge.loopback": (f"{BASE} mav", "numpy"),
-    "commands": (ALL, "rich numpy"),
+    "commands": (f"{ALL} {SWEEP} experiments.pictures", "rich numpy msgspec"),
     "cli": ("errors commands", ""),
     "__main__": ("cli", ""),
 }
@@ -206,7 +215,7 @@ def test_only_commands_know_the_simulation_and_the_mission_maker(house):
 
 
 def test_the_estimator_knows_no_file_no_socket_and_no_clock(house):
-    rooms = ("dslam", "dslam.paper", "legs", "legs.plan", "records", "observations", "assumptions")
+    rooms = ("dslam", "dslam.paper", "legs", "legs.plan", "records", "observations", "assumptions", "sweep.points")
     pure = [m for m in house if m.room in rooms]
     assert len(pure) > 10
     known = [f"{m.name}: {name}" for m in pure for name in m.outside() if name.split(".")[0] in IMPURE]

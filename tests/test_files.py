@@ -1,5 +1,8 @@
 """A file is replaced whole or stays what it was."""
 
+import errno
+import os
+
 import pytest
 
 from dslam_mav.errors import BadInputError, LogError
@@ -23,3 +26,19 @@ def test_what_cannot_be_written_is_told_as_the_caller_says_and_leaves_nothing(tm
     with pytest.raises(failure, match=r"file: cannot be written: No such file"):
         write_whole(tmp_path / "no" / "file", b"new", failure)
     assert list(tmp_path.iterdir()) == [folder]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_file_that_may_not_be_replaced_is_not(tmp_path, monkeypatch, links):
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EPERM, "Operation not permitted")  # as memory cards answer
+
+    if not links:
+        monkeypatch.setattr(os, "link", refuse)
+    target = tmp_path / "flight.mcap"
+    write_whole(target, b"first", LogError, anew=False)
+    assert target.read_bytes() == b"first"
+    with pytest.raises(LogError, match=r"flight\.mcap: cannot be written: File exists"):
+        write_whole(target, b"second", LogError, anew=False)
+    assert target.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [target]

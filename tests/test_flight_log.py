@@ -57,7 +57,12 @@ def test_legs_are_those_of_read_flight_and_all_else_is_there(tmp_path: Path) -> 
     for mine, other in zip(log.legs, flight.legs, strict=True):
         assert mine.reading.tobytes() == other.reading.tobytes()
         assert mine.distance_m.tobytes() == other.distance_m.tobytes()
-    assert [reading.value for _, reading in log.readings] == [20.5]
+    readings = log.readings
+    for number, leg in enumerate(log.legs, 1):
+        on = readings.leg == number
+        assert (readings.value[on] == leg.reading).all()
+        assert (readings.distance_m[on] == leg.distance_m).all()
+        assert (readings.time_s[on] == leg.time_s).all()
     assert (log.mission, log.truth, log.estimates, log.complete) == (None, None, (), True)
 
 
@@ -110,7 +115,8 @@ def test_a_log_without_legs_is_read_all_the_same(tmp_path: Path) -> None:
         recorder.reading(1, Reading(17, 20.5))
     log = dslam_mav.read_log(tmp_path / "flight.mcap")
     assert log.legs == ()
-    assert len(log.readings) == 1
+    assert log.readings.value.tolist() == [20.5]
+    assert log.readings_frame()["leg"].isna().all()
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,11 @@ from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.adaptive_options import steered
 from dslam_mav.commands.attached import as_logged, attach
 from dslam_mav.commands.background import background
+from dslam_mav.commands.meeting import Met
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.steering import Ear, Steering
 from dslam_mav.legs import LegCollector, plan_facts
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mav.frames import COMPONENT_STEERING
-from dslam_mav.mav.link import Link
 from dslam_mav.mission import DEGREES_E7, Home, Mission, home_of
 from missions.fence import Fence
 from missions.plan_fence import read_fence
@@ -29,8 +28,7 @@ from missions.plan_fence import read_fence
 class Flying:
     """What steering needs of a flight under way; `held` is the mission as the vehicle gave it back."""
 
-    url: str
-    system: int
+    vehicle: Met
     held: Mission
     collector: LegCollector
     recorder: Recorder
@@ -56,7 +54,7 @@ def steer(
 
     def changed(held: Mission) -> None:
         logged = as_logged(held)
-        attach(recorder, logged, flying.assumptions, flying.system)
+        attach(recorder, logged, flying.assumptions, flying.vehicle.system)
         flying.collector.plan = plan_facts(logged)
         follow(logged)
 
@@ -69,8 +67,8 @@ def steer(
         lambda text: say(logging.INFO, text, screen.say),
         lambda text: say(logging.WARNING, text, screen.warn),
     )
-    link = stack.enter_context(Link(flying.url, system=flying.system, component=COMPONENT_STEERING))
-    worker = Steering(link, flying.system, flying.collector, planned, flying.held, ear)
+    link = stack.enter_context(flying.vehicle.steering())
+    worker = Steering(link, flying.vehicle.system, flying.collector, planned, flying.held, ear)
 
     def told() -> None:
         if thread.error is not None:

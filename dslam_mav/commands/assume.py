@@ -25,10 +25,12 @@ def assumptions_from(
     if medium is not None:
         start = replace(start, diffusivity_m2_s=medium.diffusivity_m2_s, ambient=medium.ambient, static=medium.static)
     given: dict[str, Any] = {}
-    if options.sources is not None:
-        given["n_sources"] = None if options.sources == "auto" else options.sources
-    if options.ambient is not None:
-        given["ambient"] = None if options.ambient == "auto" else options.ambient
+    for option, name in (
+        ("sources", "n_sources"), ("ambient", "ambient"), ("ambient_drift", "ambient_drift_per_s"),
+        ("lag", "sensor_lag_s"),
+    ):  # fmt: skip
+        if (value := getattr(options, option)) is not None:
+            given[name] = None if value == "auto" else value
     for option, name in (
         ("diffusivity", "diffusivity_m2_s"), ("activation", "activation_s"), ("spread", "spread_m"),
         ("heading", "heading"), ("distance", "distance"), ("method", "method"), ("seed", "seed"),
@@ -106,6 +108,10 @@ def in_words(assumptions: Assumptions) -> dict[str, str]:
     else:
         facts["diffusivity μ"] = known(assumptions.diffusivity_m2_s, " m²/s")
         facts["activation time τ"] = known(assumptions.activation_s, " s")
+    if assumptions.ambient_drift_per_s != 0.0:
+        facts["ambient drift"] = known(assumptions.ambient_drift_per_s, " a second")
+    if assumptions.sensor_lag_s != 0.0:
+        facts["sensor lag"] = known(assumptions.sensor_lag_s, " s")
     if assumptions.method == "paper":
         facts["method"] = "the paper's algebra"
     if assumptions.closed:

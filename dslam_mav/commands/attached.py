@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import shlex
 import sys
+import time
 
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import Recorded, configuration
+from dslam_mav.forecast import Sensor, forecast
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mission import Mission, has_home_item, without_home_item
+from dslam_mav.mission import Mission, has_home_item, leg_plan, without_home_item
+from dslam_mav.records import Prediction
 from missions.plan_file import parse_plan, plan_bytes
 
 MISSION_ATTACHMENT = "mission.waypoints"
@@ -35,3 +38,11 @@ def attach(recorder: Recorder, mission: Mission, assumptions: Assumptions, vehic
     recorded = Recorded(assumptions, vehicle_system, has_home_item(mission))
     command = "dslam-mav " + shlex.join(sys.argv[1:])
     recorder.attach(CONFIGURATION_ATTACHMENT, "application/json", configuration(recorded, command))
+
+
+def predict(recorder: Recorder, mission: Mission, assumptions: Assumptions, sensor: Sensor) -> Prediction | None:
+    """Say in the log what the mission is expected to see, where anything can be said before it is flown."""
+    prediction = forecast(leg_plan(mission).vertices_m, assumptions, sensor)
+    if prediction is not None:
+        recorder.prediction(time.time_ns(), prediction)
+    return prediction

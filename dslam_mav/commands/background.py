@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+SWITCH_S = 5e-4
 
 Job = Callable[[threading.Event], object]
 
@@ -43,6 +46,8 @@ class Background:
 @contextmanager
 def background(job: Job, name: str, patience_s: float = 10.0) -> Iterator[Background]:
     """The job runs while the block does; at its end it is told to stop and waited for."""
+    # a thread that sends gives the interpreter up at every packet: it must not wait long for one that estimates
+    sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_S))
     stop = threading.Event()
     worker = Background(job, stop, name)
     try:

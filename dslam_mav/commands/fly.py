@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,9 @@ from dslam_mav.commands.folder import flight_folder
 from dslam_mav.commands.outcome import show, write_report
 from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.signing import signing_from
 from dslam_mav.dslam.warm import warm_up
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, LogError
 from dslam_mav.mav.url import parse_url
 from dslam_mav.mission import CMD_CHANGE_SPEED, Mission, leg_plan, with_home_item
 from missions.plan import Profile, plan_mission
@@ -23,13 +25,15 @@ from missions.plan_file import read_plan
 from sim_bridge.vehicle import DEFAULT_HOME
 
 ALTITUDE_M = 20.0
+SENSED_M = 10.0
+"""Where a vehicle may hold its height by a range finder."""
 
 
 def run(options: Namespace) -> int:
     """Fly; exit code 0 when sources were reconstructed."""
     screen = Screen(json_only=options.json)
     check(options)
-    setup = _set_up(options)
+    setup = _set_up(options, screen)
     for note in setup.notes:
         screen.warn(note)
     for note in setup.readings.notes:
@@ -37,23 +41,26 @@ def run(options: Namespace) -> int:
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
     with flight_folder(Path(options.out)) as folder:
-        outcome = write_report(fly(setup, folder, options, screen), folder / "report.html")
+        outcome = fly(setup, folder, options, screen)
+        try:
+            outcome = write_report(outcome, folder / "report.html")
+        except LogError as problem:  # a full disk must not cost the answer
+            outcome = replace(outcome, stopped=outcome.stopped or problem)
     return show(screen, outcome)
 
 
-def _set_up(options: Namespace) -> Setup:
-    if options.connect and parse_url(options.connect).kind in ("udpin", "serial"):
-        raise BadInputError(
-            f"--connect {options.connect}: expected udpout or tcp: fly opens a connection each for ground "
-            "station, bridge and estimator"
-        )
+def _set_up(options: Namespace, screen: Screen) -> Setup:
+    for url in options.connect or ():
+        parse_url(url)
     notes: tuple[str, ...] = ()
     if options.plan:
         plan = read_plan(Path(options.plan))
         mission, name, notes = _with_home(plan.mission, options.plan), Path(options.plan).name, plan.notes
     else:
         own = open_readings(options, None, None)
-        profile = Profile(altitude_m=_height_m(own), speed_m_s=own.speed_m_s, hold_s=0.0)
+        profile = Profile(
+            altitude_m=_height_m(own, SENSED_M if options.connect else ALTITUDE_M), speed_m_s=own.speed_m_s, hold_s=0.0
+        )
         mission, name = plan_mission(own.vertices_m[:, :2], DEFAULT_HOME, profile), f"the path of {own.name}"
     legs = leg_plan(mission)
     if len(legs.vertices_m) < 2:
@@ -61,13 +68,14 @@ def _set_up(options: Namespace) -> Setup:
             f"{options.plan}: {len(legs.vertices_m)} waypoints: expected 2 or more, to fly legs between"
         )
     readings = open_readings(options, places_m(mission), _speed_m_s(mission))
-    return Setup(mission, readings, assumptions_from(options, medium=readings.medium), name, notes)
+    assumptions = assumptions_from(options, medium=readings.medium)
+    return Setup(mission, readings, assumptions, name, notes, signing_from(options, screen))
 
 
-def _height_m(own: Readings) -> float:
+def _height_m(own: Readings, usual_m: float) -> float:
     """The height of a path in space, which must be one; where a path has none, the usual."""
     if own.vertices_m.shape[1] == 2:
-        return ALTITUDE_M
+        return usual_m
     heights_m = own.vertices_m[:, 2]
     if np.ptp(heights_m) > 0.0:
         low, high = heights_m.min(), heights_m.max()

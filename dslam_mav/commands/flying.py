@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import time
 from argparse import Namespace
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.adaptive import Flying, steer
 from dslam_mav.commands.assume import in_words
-from dslam_mav.commands.attached import as_logged, attach
+from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
 from dslam_mav.commands.folder import point_latest
+from dslam_mav.commands.launching import begin, complain, loopback
+from dslam_mav.commands.meeting import Met, met, suit
 from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.readings import Readings
 from dslam_mav.commands.screen import Screen
@@ -24,26 +25,21 @@ from dslam_mav.commands.summary import under_way
 from dslam_mav.errors import DslamError, LinkError
 from dslam_mav.legs import LegCollector, flight_of, plan_facts
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mav.frames import (
-    COMPONENT_AUTOPILOT,
-    COMPONENT_BRIDGE,
-    COMPONENT_ESTIMATOR,
-    COMPONENT_GROUND,
-    SYSTEM_GROUND,
-)
-from dslam_mav.mav.link import Link, wait_for_vehicle
-from dslam_mav.mav.mission.transfer import start, upload
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT
+from dslam_mav.mav.mission.transfer import upload
 from dslam_mav.mav.onboard import Onboard, Update
+from dslam_mav.mav.ports import Port
+from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
 from dslam_mav.records import Truth
 from sim_bridge.bridge import Bridge
-from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
+from sim_bridge.whereabouts import Whereabouts
 
-ARMING_PATIENCE_S = 60.0
 ESTIMATE_PATIENCE_S = 120.0
 """How long the last estimate may take once the flight is over or interrupted; a second Ctrl-C ends it at once."""
 
 _REFRESH_S = 0.1
+_BEAT_AGAIN_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +51,7 @@ class Setup:
     assumptions: Assumptions
     plan_name: str
     notes: tuple[str, ...] = ()
+    signing: Signing | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,10 +66,14 @@ class _Crew:
 def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outcome:
     """One flight, logged in `folder`. What ends it early once it has begun is in the outcome, not raised."""
     with ExitStack() as stack:
-        url = options.connect or stack.enter_context(_loopback(options, setup.mission))
-        ground = stack.enter_context(Link(url, system=SYSTEM_GROUND, component=COMPONENT_GROUND))
-        system = wait_for_vehicle(ground, options.timeout)
-        given = _upload(ground, system, setup, screen)
+        urls = options.connect or (stack.enter_context(loopback(options, setup.mission, setup.signing)),) * 3
+        vehicle = stack.enter_context(met(urls, options, setup.signing))
+        system = vehicle.system
+        stack.enter_context(vehicle.fed(bool(options.connect) and options.feed_odometry))
+        if options.connect:
+            here = options.here or options.plan is None
+            setup = replace(setup, mission=suit(vehicle, setup.mission, options, screen, here=here))
+        given = _upload(vehicle, setup, screen)
         held = as_logged(given)
         legs = leg_plan(held)
         recorder = stack.enter_context(Recorder(folder / "flight.mcap"))
@@ -80,11 +81,12 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         truth = _truth(setup, held)
         attach(recorder, held, setup.assumptions, system)
         _attach(recorder, setup, truth)
-        crew = _crew(stack, url, system, setup, held, recorder)
+        prediction = predict(recorder, held, setup.assumptions, setup.readings.sensor)
+        crew = _crew(vehicle, setup, held, recorder, options)
         collector = crew.onboard.collector
-        flying = Flying(url, system, given, collector, recorder, setup.assumptions)
+        flying = Flying(vehicle, given, collector, recorder, setup.assumptions)
         now_held = steer(stack, flying, options, screen, lambda changed: _changed(changed, setup, crew, recorder))
-        stopped = _follow(ground, system, crew, legs, screen)
+        stopped = _follow(vehicle, crew, legs, screen)
         if options.connect and isinstance(stopped, KeyboardInterrupt):
             screen.warn(f"vehicle {system} was not told to stop: it goes on with its mission")
         held, flown = now_held(), collector.legs(final=True)
@@ -97,10 +99,15 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
             facts={**_facts(setup, legs, crew.bridge.sent), **in_words(setup.assumptions)},
             warnings=(*_missing(setup.readings, crew.bridge), *collector.notes(flown)),
             stopped=stopped,
+            assumptions=setup.assumptions,
+            mission=held,
+            prediction=prediction,
+            under_way=tuple((u.legs_flown, u.estimate) for u in crew.updates if u.estimate and not u.final),
         )
 
 
-def _upload(ground: Link, system: int, setup: Setup, screen: Screen) -> Mission:
+def _upload(vehicle: Met, setup: Setup, screen: Screen) -> Mission:
+    ground, system = vehicle.ground, vehicle.system
     with screen.progress("mission upload") as advance:
         held = upload(
             ground,
@@ -116,27 +123,30 @@ def _upload(ground: Link, system: int, setup: Setup, screen: Screen) -> Mission:
     return held
 
 
-def _crew(stack: ExitStack, url: str, system: int, setup: Setup, held: Mission, recorder: Recorder) -> _Crew:
-    """Estimator and bridge, each on a connection of its own."""
+def _crew(vehicle: Met, setup: Setup, held: Mission, recorder: Recorder, options: Namespace) -> _Crew:
+    """Estimator and bridge, each a sender of its own."""
     collector = LegCollector(plan_facts(held), distance=setup.assumptions.distance)
     updates: list[Update] = []
     onboard = Onboard(
-        stack.enter_context(Link(url, system=system, component=COMPONENT_ESTIMATOR)),
-        system,
+        vehicle.estimator(),
+        vehicle.system,
         collector,
         estimator(setup.assumptions, collector, visible_plan(setup.assumptions, held)),
         recorder,
         on_update=updates.append,
         yaw=setup.assumptions.heading == "vehicle",
+        ask_after_s=vehicle.profile.ask_after_s,
     )
     bridge = Bridge(
-        stack.enter_context(Link(url, system=system, component=COMPONENT_BRIDGE)),
-        system,
+        vehicle.bridge(),
+        vehicle.system,
         setup.readings.field,
         setup.readings.sampling,
         leg_plan(held).sequence,
         noise_sd=setup.readings.noise_sd,
         rng=setup.readings.rng,
+        where=Whereabouts(options.truth_from if options.connect else "vehicle", home_of(held)),
+        ask_after_s=vehicle.profile.ask_after_s,
     )
     return _Crew(onboard, bridge, updates)
 
@@ -148,9 +158,7 @@ def _changed(held: Mission, setup: Setup, crew: _Crew, recorder: Recorder) -> No
         recorder.truth(time.time_ns(), truth)
 
 
-def _follow(
-    ground: Link, system: int, crew: _Crew, legs: LegPlan, screen: Screen
-) -> DslamError | KeyboardInterrupt | None:
+def _follow(vehicle: Met, crew: _Crew, legs: LegPlan, screen: Screen) -> DslamError | KeyboardInterrupt | None:
     """Start the mission and stay until the estimator is done; what ended the flight early, if anything did."""
     interrupted = None
     with (
@@ -158,22 +166,15 @@ def _follow(
         background(crew.onboard.run, "onboard", ESTIMATE_PATIENCE_S) as estimating,
     ):
         try:
-            _begin(ground, system, (reading, estimating))
-            _watch(ground, (reading, estimating), crew.updates, legs, screen)
+            begin(vehicle, (reading, estimating), screen)
+            _watch(vehicle.ground, (reading, estimating), crew.updates, legs, screen)
         except KeyboardInterrupt as signal:
             interrupted = signal
     return interrupted or _problem(reading, estimating, answered=crew.onboard.result is not None)
 
 
-def _begin(ground: Link, system: int, workers: tuple[Background, Background]) -> None:
-    time.sleep(0.3)  # a vehicle forwards only to those whose heartbeat it has heard
-    for worker in workers:
-        worker.check()
-    start(ground, system, ARMING_PATIENCE_S)
-
-
 def _watch(
-    ground: Link, workers: tuple[Background, Background], updates: list[Update], legs: LegPlan, screen: Screen
+    ground: Port, workers: tuple[Background, Background], updates: list[Update], legs: LegPlan, screen: Screen
 ) -> None:
     """Show what comes until the estimator is done."""
     reading, estimating = workers
@@ -190,6 +191,10 @@ def _watch(
                 frame = ground.receive(0.02)
                 if frame is not None and frame.message.get_srcComponent() == COMPONENT_AUTOPILOT:
                     seen.see(frame.message)
+                    complain(frame.message, screen)
+                    if frame.message.get_type() == "HEARTBEAT" and time.monotonic() - beat_s > _BEAT_AGAIN_S:
+                        beat_s = time.monotonic()  # a simulator in a hurry counts our seconds by its clock
+                        ground.send_heartbeat()
             if seen.flown:
                 advance(f"{seen.what}, estimating", 0, None)
             else:
@@ -217,6 +222,8 @@ def _missing(readings: Readings, bridge: Bridge) -> list[str]:
         lines.append(f"{readings.name}: {bridge.missing} readings left out, it has no value for that time or place")
     if bridge.sampler.skipped:
         lines.append(f"{readings.name}: {bridge.sampler.skipped} readings left out, faster than one a millisecond")
+    if bridge.sampler.unplaced:
+        lines.append(f"{readings.name}: {bridge.sampler.unplaced} readings left out, the vehicle's place was not heard")
     return lines
 
 
@@ -240,12 +247,3 @@ def _facts(setup: Setup, legs: LegPlan, sent: int) -> dict[str, str]:
         "readings": f"{sent} from {setup.readings.name}",
         "speed": f"{setup.readings.speed_m_s:g} m/s",
     }
-
-
-@contextmanager
-def _loopback(options: Namespace, mission: Mission) -> Iterator[str]:
-    """A loopback vehicle of our own; the URL to reach it at."""
-    home = home_of(mission) or DEFAULT_HOME
-    vehicle = Vehicle(["udpin:127.0.0.1:0"], speedup=options.speedup, seed=options.seed or 0, home=home)
-    with background(vehicle.run, "vehicle"):
-        yield vehicle.urls[0].replace("udpin", "udpout", 1)

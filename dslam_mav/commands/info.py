@@ -3,20 +3,57 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections import Counter
 from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
-from dslam_mav.log.reader import log_info
+from dslam_mav.log.reader import LogInfo, log_info
+from dslam_mav.log.recovered import in_words
+from dslam_mav.mav.dataflash import read_dataflash
+from dslam_mav.mav.tlog import read_tlog
+from dslam_mav.recordings import kind_of
+from dslam_mav.series import read_csv
 
 
 def run(options: Namespace) -> int:
-    """Topics, duration, and whether the log was closed properly."""
+    """Topics, duration, and whether the log was closed properly; of others' recordings what is there of each kind."""
     screen = Screen(json_only=options.json)
     path = Path(options.log)
-    info = log_info(path)
-    screen.say(f"{path}: {info['duration_s']:.1f} s, {'complete' if info['complete'] else 'cut short or damaged'}")
+    info = _info(path, options.columns)
+    state = "complete" if info["complete"] else "cut short or damaged, see dslam-mav recover"
+    screen.say(f"{path}: {info['duration_s']:.1f} s, {state}")
     width = max((len(topic) for topic in info["topics"]), default=0)
     for topic, count in sorted(info["topics"].items()):
         screen.say(f"  {topic:<{width}}  {count}")
+    if "recovered" in info:
+        screen.say(f"  {in_words(info['recovered'])}")
     screen.result(info)
     return 0
+
+
+def _info(path: Path, columns: str | None) -> LogInfo:
+    kind = kind_of(path)
+    if kind == "tlog" and path.suffix.lower() == ".tlog":
+        return _telemetry(path)
+    if kind == "dataflash":
+        log = read_dataflash(path)
+        return LogInfo(topics=log.records, duration_s=log.duration_s, complete=True)
+    if kind == "csv":
+        series = read_csv(path, columns)
+        topics = {"readings": int(series.value.size)}
+        if series.place_m is not None:
+            topics["places"] = len(series.place_m)
+        return LogInfo(topics=topics, duration_s=series.duration_s, complete=True)
+    return log_info(path)
+
+
+def _telemetry(path: Path) -> LogInfo:
+    tlog = read_tlog(path)
+    counts: Counter[str] = Counter()
+    first_ns = last_ns = None
+    for frame in tlog:
+        counts[frame.message.get_type()] += 1
+        first_ns = frame.received_ns if first_ns is None else min(first_ns, frame.received_ns)
+        last_ns = frame.received_ns if last_ns is None else max(last_ns, frame.received_ns)
+    duration_s = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) / 1e9
+    return LogInfo(topics=dict(counts), duration_s=duration_s, complete=not tlog.bad_bytes)

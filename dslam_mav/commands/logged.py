@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, logged_mission
 from dslam_mav.commands.outcome import Outcome, truth_of
+from dslam_mav.commands.settings import with_settings
 from dslam_mav.errors import BadInputError
-from dslam_mav.legs import plan_facts
 from dslam_mav.log.reader import FlightLog, read_log
+from dslam_mav.log.recovered import in_words as recovered_in_words
+from dslam_mav.log.topics import ESTIMATE, PREDICTION, RAW, TRUTH
 from dslam_mav.mission import Mission
+from dslam_mav.recordings import Assumed, Recording, kind_of, open_recording, our_log
 from dslam_mav.records import Truth
-from dslam_mav.replay import Replayed, flight_from_log
+from dslam_mav.replay import Replayed
 from missions.plan_file import read_plan
+
+PROVENANCE_ATTACHMENT = "provenance.json"
+RECORDING_ATTACHMENT = "recording"
+"""Followed by the ending of a file of others that a log was made of."""
+
+_TOPICS = (RAW, ESTIMATE, PREDICTION, TRUTH)  # all that is used here; an hour's readings take a second to decode
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,45 +45,51 @@ class Logged:
     assumptions: Assumptions
     truth: Truth | None
     log: FlightLog | None
+    recording: Recording
+    recorded: Recorded | None = None
     assumed_anew: bool = False
 
 
 def open_logged(path: Path, options: Namespace) -> Logged:
-    """Read a log (.mcap or .tlog) under the options' assumptions, over those it was recorded with."""
-    log = None if path.suffix.lower() == ".tlog" or not _begins_as_mcap(path) else read_log(path)
+    """Read a recording under the options' assumptions, over those it was recorded with."""
+    log = read_log(path, _TOPICS) if kind_of(path) == "mcap" else None
     recorded = None
     if log is not None and CONFIGURATION_ATTACHMENT in log.attachments:
         recorded = recorded_configuration(log.attachments[CONFIGURATION_ATTACHMENT], str(path))
-    mission = _mission(path, log, recorded, getattr(options, "plan", None))
     base = None if recorded is None else recorded.assumptions
-    assumptions = assumptions_from(options, base=base)
-    replayed = flight_from_log(
-        path,
-        plan=None if mission is None else plan_facts(mission),
-        distance=assumptions.distance,
-        yaw=assumptions.heading == "vehicle",
-        system=None if recorded is None else recorded.vehicle_system,
-    )
+    asked = assumptions_from(options, base=base) if "sources" in options else base or Assumptions()
+    assumptions = with_settings(asked, getattr(options, "set", None) or ())
+    columns = getattr(options, "columns", None)
+    recording = open_recording(path, columns) if log is None else _ours(path, log, columns)
+    mission = _mission(path, log, recording, recorded, getattr(options, "plan", None))
+    system = None if recorded is None else recorded.vehicle_system
+    heading = assumptions.heading
+    replayed = recording.flight(mission, Assumed(assumptions.distance, heading == "vehicle", system, heading == "plan"))
     truth = None if log is None else log.truth
-    return Logged(path, replayed, mission, assumptions, truth, log, assumptions != base)
+    return Logged(path, replayed, mission, assumptions, truth, log, recording, recorded, assumptions != base)
 
 
-def _begins_as_mcap(path: Path) -> bool:
-    """Whether it is to be read as our log: whatever is not there or not readable is left to the reader to refuse."""
-    if path.suffix.lower() == ".mcap":
-        return True
-    try:
-        with path.open("rb") as file:
-            return file.read(5) == b"\x89MCAP"
-    except OSError:
-        return False
+def _ours(path: Path, log: FlightLog, columns: str | None) -> Recording:
+    """What a log of ours was recorded from: its packets, or the file of others it was made of."""
+    name = next((name for name in log.attachments if name.startswith(RECORDING_ATTACHMENT)), None)
+    if name is None:
+        return our_log(path, log, columns)
+    if columns is None:
+        with contextlib.suppress(ValueError):
+            columns = json.loads(log.attachments.get(PROVENANCE_ATTACHMENT, b"{}")).get("columns")
+    with TemporaryDirectory() as folder:
+        held = Path(folder) / name
+        held.write_bytes(log.attachments[name])
+        return open_recording(held, columns)
 
 
-def _mission(path: Path, log: FlightLog | None, recorded: Recorded | None, plan: str | None) -> Mission | None:
+def _mission(
+    path: Path, log: FlightLog | None, recording: Recording, recorded: Recorded | None, plan: str | None
+) -> Mission | None:
     if plan is not None:
         return read_plan(Path(plan)).mission
     if log is None or MISSION_ATTACHMENT not in log.attachments:
-        return None
+        return recording.mission
     name = f"{path}: attachment {MISSION_ATTACHMENT}"
     home_item = recorded is None or recorded.home_item
     return logged_mission(log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
@@ -89,12 +107,24 @@ def estimate_again(logged: Logged) -> Outcome:
     return outcome_of(logged).with_estimate(result)
 
 
+def as_flown(logged: Logged) -> Outcome:
+    """The answer the flight ended with, where the log has it and nothing else is assumed now; else a fresh one."""
+    final = [e for e in logged.log.estimates if e.final] if logged.log is not None else []
+    same = final and final[-1].estimate.residual.size == logged.replayed.flight.n_readings
+    if same and not logged.assumed_anew:
+        return outcome_of(logged).with_estimate(final[-1].estimate)
+    return estimate_again(logged)
+
+
 def outcome_of(logged: Logged) -> Outcome:
     """The flight's outcome, still without an estimate."""
     replayed = logged.replayed
-    warnings = list(replayed.collector.notes(replayed.legs))
+    warnings = [*replayed.notes, *replayed.collector.notes(replayed.legs)]
     if logged.log is not None and not logged.log.complete:
         warnings.insert(0, f"{logged.path}: the log is cut short or damaged; what could be read is used")
+    recovered = None if logged.log is None else logged.log.recovered
+    if recovered is not None and (recovered["lost"] or not recovered["exact"]):
+        warnings.insert(0, f"{logged.path}: {recovered_in_words(recovered)}")
     modes = {leg.mode for leg in replayed.legs}
     facts = {
         "readings": f"{replayed.flight.n_readings} on {len(replayed.legs)} legs, from {logged.path.name}",
@@ -102,4 +132,16 @@ def outcome_of(logged: Logged) -> Outcome:
         "distance along a leg": ", ".join(sorted(modes)),
     }
     truth = truth_of(logged.truth, logged.mission, replayed.legs)
-    return Outcome(replayed.flight, None, truth, logged.path, facts, tuple(warnings))
+    then = None if logged.assumed_anew else logged.log
+    return Outcome(
+        replayed.flight,
+        None,
+        truth,
+        logged.path,
+        facts,
+        tuple(warnings),
+        assumptions=logged.assumptions,
+        mission=logged.mission,
+        prediction=None if then is None else then.prediction,
+        under_way=() if then is None else tuple((e.legs_flown, e.estimate) for e in then.estimates if not e.final),
+    )

@@ -7,21 +7,23 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from dslam_mav.assumed import estimator, visible_plan
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.adaptive import Flying, steer
 from dslam_mav.commands.adaptive_options import check
 from dslam_mav.commands.assume import assumptions_from, in_words
-from dslam_mav.commands.attached import as_logged, attach
+from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
+from dslam_mav.commands.meeting import Met, met
 from dslam_mav.commands.outcome import Outcome, show
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.signing import signing_from
 from dslam_mav.commands.summary import under_way
 from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError, DslamError
+from dslam_mav.forecast import Sensor
 from dslam_mav.legs import LegCollector, plan_facts
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mav.frames import COMPONENT_ESTIMATOR, COMPONENT_GROUND, SYSTEM_GROUND
-from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mission import Mission, leg_plan
@@ -36,26 +38,36 @@ def run(options: Namespace) -> int:
     out = Path(options.out)
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
-    held, system = _mission(options)
+    signing = signing_from(options, screen)
+    with met([options.connect], options, signing) as vehicle:
+        return _listen(vehicle, assumptions, options, screen)
+
+
+def _listen(vehicle: Met, assumptions: Assumptions, options: Namespace, screen: Screen) -> int:
+    out, system = Path(options.out), vehicle.system
+    held = _mission(vehicle, options)
     mission = as_logged(held)
+    vehicle.hubs[0].leave(vehicle.ground)
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
     with Recorder(out) as recorder:
         attach(recorder, mission, assumptions, system)
+        predict(recorder, mission, assumptions, Sensor())
         collector = LegCollector(plan_facts(mission), distance=assumptions.distance)
         updates: list[Update] = []
         stopped: DslamError | KeyboardInterrupt | None = None
-        with Link(options.connect, system=system, component=COMPONENT_ESTIMATOR) as link, ExitStack() as stack:
-            onboard = Onboard(
-                link,
-                system,
-                collector,
-                estimator(assumptions, collector, visible_plan(assumptions, mission)),
-                recorder,
-                on_update=updates.append,
-                yaw=assumptions.heading == "vehicle",
-            )
-            steer(stack, Flying(options.connect, system, held, collector, recorder, assumptions), options, screen)
+        onboard = Onboard(
+            vehicle.estimator(),
+            system,
+            collector,
+            estimator(assumptions, collector, visible_plan(assumptions, mission)),
+            recorder,
+            on_update=updates.append,
+            yaw=assumptions.heading == "vehicle",
+            ask_after_s=vehicle.profile.ask_after_s,
+        )
+        with ExitStack() as stack:
+            steer(stack, Flying(vehicle, held, collector, recorder, assumptions), options, screen)
             screen.say(f"listening to vehicle {system} on {options.connect}, logging to {out}")
             with background(onboard.run, "onboard", ESTIMATE_PATIENCE_S) as worker:
                 try:
@@ -88,13 +100,13 @@ def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Scree
                     screen.follow(under_way(update.estimate, update.legs_flown, n_legs))
 
 
-def _mission(options: Namespace) -> tuple[Mission, int]:
-    """The mission and the vehicle's system: from `--plan`, or as the vehicle holds it, as it must to be changed."""
-    given = read_plan(Path(options.plan)).mission if options.plan else None
-    with Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND) as ground:
-        system = wait_for_vehicle(ground, options.timeout)
-        mission = download(ground, system) if given is None or options.adaptive else given
-    where = options.plan or f"vehicle {system}'s mission"
+def _mission(vehicle: Met, options: Namespace) -> Mission:
+    """The mission: from `--plan`, or as the vehicle holds it, as it must to be changed."""
+    if options.plan and not options.adaptive:
+        mission = vehicle.numbered(read_plan(Path(options.plan)).mission)
+    else:
+        mission = download(vehicle.ground, vehicle.system)
+    where = options.plan or f"vehicle {vehicle.system}'s mission"
     if (n := len(leg_plan(mission).sequence)) < 2:
         raise BadInputError(f"{where}: {n} waypoints: expected 2 or more, to fly legs between")
-    return mission, system
+    return mission

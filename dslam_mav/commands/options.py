@@ -27,6 +27,8 @@ def number(
     return parse
 
 
+RECORDINGS = ".mcap, .tlog, ArduPilot's .bin, or .csv"
+
 POSITIVE = number(float, 0.0, "a positive number", above=True)
 NOT_NEGATIVE = number(float, 0.0, "0 or more")
 ANY = number(float, -1e300, "a number")
@@ -48,6 +50,15 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--diffusivity", metavar="M2_S", type=POSITIVE, help="μ of the medium")
     group.add_argument("--activation", metavar="S", type=ANY, help="τ, seconds from the start of the first leg")
     group.add_argument("--ambient", metavar="VALUE|auto", type=or_auto(ANY), help="ambient level (default: auto)")
+    group.add_argument(
+        "--ambient-drift",
+        metavar="PER_S|auto",
+        type=or_auto(ANY),
+        help="of the ambient level, in reading units a second: a sensor that warms up (default: 0)",
+    )
+    group.add_argument(
+        "--lag", metavar="S|auto", type=or_auto(NOT_NEGATIVE), help="time constant of a slow sensor (default: 0)"
+    )
     moving = group.add_mutually_exclusive_group()
     moving.add_argument("--static", action="store_true", help="the field stands still during the flight (default)")
     moving.add_argument("--evolving", action="store_true", help="it spreads during the flight: C = 4μ(t − τ)")
@@ -80,6 +91,41 @@ def adaptive(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def recording(parser: argparse.ArgumentParser) -> None:
+    """What a recording somebody else made does not say of itself."""
+    parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: the log's)")
+    columns(parser)
+
+
+def columns(parser: argparse.ArgumentParser) -> None:
+    """Where the columns of a CSV file are called otherwise."""
+    parser.add_argument(
+        "--columns",
+        metavar="LIST",
+        help="of a CSV: FIELD=NAME[*FACTOR][:UNIT],… with FIELD time_s, value, east_m or north_m, "
+        "e.g. time_s=Time:ms,value=Gas*-1,east_m=X,north_m=Y",
+    )
+
+
+def settings(parser: argparse._ActionsContainer, help_text: str) -> None:
+    """Assumptions changed one by one; see `commands.settings`."""
+    parser.add_argument("--set", metavar="KEY=VALUE", action="append", help=help_text)
+
+
+def export(parser: argparse.ArgumentParser) -> None:
+    """What is taken out of a log, and where an answer lies on the map."""
+    formats = ("csv", "tlog", "parquet", "kml", "geojson")
+    parser.add_argument("--to", required=True, choices=formats, help="readings, raw packets, readings, or maps")
+    parser.add_argument("-o", "--output", metavar="OUT", help="(default: beside the log)")
+    parser.add_argument("--overwrite", action="store_true", help="replace OUT if it is there")
+    recording(parser)
+    settings(parser, "an assumption of the answer, repeatable; see replay --help (default: the log's own answer)")
+    place = parser.add_argument_group("place of a map's answer (default: the plan's)")
+    place.add_argument("--home", metavar="LAT,LON", help="degrees; without a plan where leg 1 begins")
+    place.add_argument("--heading", metavar="DEG", type=ANY, help="of leg 1, clockwise from north")
+    place.add_argument("--turn", choices=("left", "right"), help="side of the first turn (unknown: both are exported)")
+
+
 def source_of_readings(parser: argparse.ArgumentParser) -> None:
     """Where a simulated sensor's readings come from; see `commands.readings`."""
     group = parser.add_argument_group("readings")
@@ -100,9 +146,45 @@ def source_of_readings(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def vehicle_link(parser: argparse.ArgumentParser, *, required: bool = True, help_text: str = CONNECT_HELP) -> None:
-    """The connection to a vehicle."""
-    parser.add_argument("--connect", metavar="URL", required=required, help=help_text)
+def vehicle_link(
+    parser: argparse.ArgumentParser, *, required: bool = True, several: bool = False, help_text: str = CONNECT_HELP
+) -> None:
+    """The connection to a vehicle; `several`: it may be given again."""
+    parser.add_argument(
+        "--connect", metavar="URL", required=required, action="append" if several else "store", help=help_text
+    )
     parser.add_argument(
         "--timeout", metavar="S", type=POSITIVE, default=10.0, help="how long to wait for it (default: 10)"
+    )
+    parser.add_argument(
+        "--profile", choices=("ardupilot", "px4", "generic"), help="how it behaves (default: as its HEARTBEAT says)"
+    )
+    signing_key(parser)
+
+
+def truth_from(parser: argparse.ArgumentParser) -> None:
+    """Where the bridge has the vehicle's true place from."""
+    parser.add_argument(
+        "--truth-from",
+        choices=("sim", "vehicle"),
+        help="read the field where the vehicle's simulator has it, or where it believes to be (default: the first it "
+        "offers)",
+    )
+
+
+def feed_odometry(parser: argparse.ArgumentParser) -> None:
+    """Stand in for a camera that the simulated vehicle navigates by."""
+    parser.add_argument(
+        "--feed-odometry",
+        action="store_true",
+        help="send the vehicle ODOMETRY from its simulator's truth: for one set to navigate by it",
+    )
+
+
+def signing_key(parser: argparse.ArgumentParser) -> None:
+    """The key for MAVLink's message signing; see `commands.signing`."""
+    parser.add_argument(
+        "--signing-key-file",
+        metavar="FILE",
+        help="sign all packets, and heed only those signed with the same key: 32 bytes as 64 hexadecimal digits",
     )

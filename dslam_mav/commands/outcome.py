@@ -6,15 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import headline, summary, table
 from dslam_mav.dslam.scoring import has_positions
 from dslam_mav.errors import DslamError, LogError
 from dslam_mav.files import write_whole
+from dslam_mav.forecast import Sensor, forecast
 from dslam_mav.legs import FlownLeg
 from dslam_mav.mission import Mission, leg_plan
-from dslam_mav.records import Estimate, Flight, Truth
+from dslam_mav.records import Estimate, Flight, Prediction, Truth
 from dslam_mav.report.data import ReportData
+from dslam_mav.report.foreseen import Background
 from dslam_mav.report.page import render
 from dslam_mav.report.table import result_json
 from dslam_mav.report.words import title_of
@@ -22,7 +25,10 @@ from dslam_mav.report.words import title_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What a flight came to. `stopped` is what ended it early; what was learnt until then is shown first."""
+    """What a flight came to. `stopped` is what ended it early; what was learnt until then is shown first.
+
+    `prediction` is what the log says was expected of it; `under_way` are legs flown and what was known after them.
+    """
 
     flight: Flight
     estimate: Estimate | None
@@ -32,6 +38,10 @@ class Outcome:
     warnings: tuple[str, ...] = ()
     stopped: DslamError | KeyboardInterrupt | None = None
     report: Path | None = None
+    assumptions: Assumptions | None = None
+    mission: Mission | None = None
+    prediction: Prediction | None = None
+    under_way: tuple[tuple[int, Estimate], ...] = ()
 
     def with_estimate(self, estimate: Estimate) -> Outcome:
         """The same with this estimate."""
@@ -49,6 +59,27 @@ def truth_of(truth: Truth | None, mission: Mission | None, legs: Sequence[FlownL
     return replace(truth, vertices_m=truth.vertices_m[[place[seq] for seq in passed]])
 
 
+def background_of(outcome: Outcome, estimate: Estimate) -> Background | None:
+    """What was expected and how it grew; where the log does not say what was expected, what would have been."""
+    assumed = outcome.assumptions
+    if assumed is None:
+        return None
+    prediction = outcome.prediction or _expected(outcome, estimate, assumed)
+    return Background(
+        medium=assumed.medium(),
+        heading_sd_rad=None if assumed.heading == "none" else assumed.heading_sd_rad,
+        prediction=prediction,
+        predicted_then=outcome.prediction is not None,
+        under_way=outcome.under_way,
+    )
+
+
+def _expected(outcome: Outcome, estimate: Estimate, assumed: Assumptions) -> Prediction | None:
+    path = estimate.path.vertices_m[:, :2] if outcome.mission is None else leg_plan(outcome.mission).vertices_m
+    length_m = float(outcome.flight.lengths_m.sum())
+    return forecast(path, assumed, Sensor(outcome.flight.n_readings / length_m)) if length_m else None
+
+
 def write_report(outcome: Outcome, path: Path) -> Outcome:
     """Write the page; without an estimate there is none to write."""
     if outcome.estimate is None:
@@ -58,7 +89,8 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
     if outcome.stopped is not None:
         warnings = (f"the flight ended early: {outcome.stopped or 'it was interrupted'}", *warnings)
     title = title_of(outcome.log)
-    page = render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings))
+    background = background_of(outcome, outcome.estimate)
+    page = render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings, background))
     write_whole(path, page.encode(), LogError)
     return replace(outcome, report=path)
 

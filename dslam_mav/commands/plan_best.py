@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dslam_mav.commands.plan_prior import LEG_SPREADS, expected_in, region_of, spread_of
+from dslam_mav.commands.plan_prior import expected_in, region_of, spread_of
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
 from dslam_mav.records.arrays import Array
+from dslam_mav.records.prediction import LEG_SPREADS
 from missions.fence import Fence, area_m2
 from missions.patterns import LONGEST_LEG_M, SHORTEST_LEG_M
 

@@ -12,15 +12,13 @@ import numpy as np
 from dslam_mav.commands.plan_options import LONGEST_M, SHORTEST_M
 from dslam_mav.errors import BadInputError
 from dslam_mav.records.arrays import Array
+from dslam_mav.records.prediction import LEG_SPREADS, READINGS_PER_SPREAD, SNR_DB
 from missions.fence import Fence
 
 if TYPE_CHECKING:
     from dslam_mav.dslam.expected import Sensing
     from dslam_mav.dslam.layouts import Layouts, Prior, Region
 
-LEG_SPREADS = 3.2  # the leg the figures of star {7/3} are for
-READINGS_PER_SPREAD = 20.0
-SNR_DB = 20.0
 FAINTEST = 1e-15  # of the peak: no sensor's noise
 MOST_LEGS = 60  # with more, fewer layouts: the time grows with the cube
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dslam_mav.errors import BadInputError
+from dslam_mav.forecast import Sensor
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Medium, Truth
 from dslam_mav.records.arrays import Array
@@ -34,7 +35,8 @@ RECORDED_LAST_FRAME = 4  # later ones of the shipped demonstration touch its edg
 class Readings:
     """A field to read along a path, how it is sampled, and what is true of it (None: unknown).
 
-    `medium`: what the estimator may be told of the medium. `notes`: what a person must be told.
+    `medium`: what the estimator may be told of the medium. `peak`: a usual source's peak reading above ambient, where
+    it is known. `notes`: what a person must be told.
     """
 
     field: Field
@@ -47,7 +49,14 @@ class Readings:
     medium: Medium | None
     name: str
     attachment: tuple[str, str, bytes] | None = None
+    peak: float | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def sensor(self) -> Sensor:
+        """What is known of it before take-off."""
+        spacing_m = self.sampling.spacing_m or (self.sampling.interval_s or 0.0) * self.speed_m_s
+        return Sensor(1.0 / spacing_m, self.noise_sd, self.peak, self.speed_m_s)
 
 
 def places_m(mission: Mission) -> Array:
@@ -101,6 +110,7 @@ def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_
         medium=scene.estimator_medium(),
         name=path.name,
         attachment=("scene.json", "application/json", encode_scene(scene)),
+        peak=scene.usual_peak(),
         notes=(IN_SPACE.format(path.name),) if scene.medium.dimensions == 3 else (),
     )
 

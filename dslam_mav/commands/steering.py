@@ -18,8 +18,8 @@ import numpy as np
 from dslam_mav.commands.adaptive_options import Steered
 from dslam_mav.errors import DslamError, LinkError
 from dslam_mav.legs import LegCollector, UnderWay, flight_of
-from dslam_mav.mav.link import Link
 from dslam_mav.mav.mission.change import change
+from dslam_mav.mav.ports import Port
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Flight
 from missions.adviser import Advice
@@ -50,7 +50,7 @@ class Steering:
     """One flight's; `run` in a thread of its own. `held` is the mission the vehicle holds."""
 
     def __init__(
-        self, link: Link, system: int, collector: LegCollector, steered: Steered, held: Mission, ear: Ear
+        self, link: Port, system: int, collector: LegCollector, steered: Steered, held: Mission, ear: Ear
     ) -> None:
         self.held = held
         self.changes = 0

@@ -87,5 +87,13 @@ def _fitted(estimate: Estimate) -> list[tuple[str, str]]:
     if ambient is not None:
         sd = parameter_sd(estimate, {"ambient": 1.0})
         lines.append(("ambient", with_sd(ambient, sd) if sd > 0.0 else f"{ambient:g}, given"))
+    drift = estimate.medium.ambient_drift_per_s
+    if drift:
+        sd = parameter_sd(estimate, {"ambient drift": 1.0})
+        lines.append(("ambient drift", f"{with_sd(drift, sd) if sd > 0.0 else f'{drift:g}, given,'} a second"))
+    lag = estimate.medium.sensor_lag_s
+    if lag:
+        sd = lag * parameter_sd(estimate, {"ln lag": 1.0})
+        lines.append(("sensor lag", f"{with_sd(lag, sd) if sd > 0.0 else f'{lag:g}, given,'} s"))
     lines.append(("noise sd", significant(estimate.noise_sd)))
     return lines

@@ -6,13 +6,16 @@ from argparse import Namespace
 from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.signing import signing_from
 from dslam_mav.mav.frames import COMPONENT_GROUND, SYSTEM_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.transfer import clear, download, start, upload
-from dslam_mav.mission import leg_plan
+from dslam_mav.mav.position import stands_at
+from dslam_mav.mav.profile import profile_named
+from dslam_mav.mission import home_of, leg_plan
 from missions.plan_file import read_plan, write_plan
 
-ARMING_PATIENCE_S = 60.0
+ARMING_PATIENCE_S = 120.0
 
 
 def run_upload(options: Namespace) -> int:
@@ -21,7 +24,7 @@ def run_upload(options: Namespace) -> int:
     plan = read_plan(Path(options.plan))
     for note in plan.notes:
         screen.warn(note)
-    with _ground(options) as link:
+    with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
         with screen.progress("mission upload") as advance:
             held = upload(
@@ -37,6 +40,7 @@ def run_upload(options: Namespace) -> int:
             f"{length_m:.1f} m (read back and compared)"
         )
         if options.start:
+            stands_at(link, system, home_of(plan.mission), ARMING_PATIENCE_S)
             start(link, system, ARMING_PATIENCE_S)
             screen.say(f"Vehicle {system} flies it")
     screen.result(
@@ -54,7 +58,7 @@ def run_upload(options: Namespace) -> int:
 def run_download(options: Namespace) -> int:
     """Fetch the vehicle's mission and write it to a file."""
     screen = Screen(json_only=options.json)
-    with _ground(options) as link:
+    with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
         mission = download(link, system)
     write_plan(Path(options.output), mission)
@@ -66,7 +70,7 @@ def run_download(options: Namespace) -> int:
 def run_clear(options: Namespace) -> int:
     """Make the vehicle forget its mission."""
     screen = Screen(json_only=options.json)
-    with _ground(options) as link:
+    with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
         clear(link, system)
     screen.say(f"Vehicle {system} holds no mission now")
@@ -74,5 +78,8 @@ def run_clear(options: Namespace) -> int:
     return 0
 
 
-def _ground(options: Namespace) -> Link:
-    return Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND)
+def _ground(options: Namespace, screen: Screen) -> Link:
+    signing = signing_from(options, screen)
+    link = Link(options.connect, system=SYSTEM_GROUND, component=COMPONENT_GROUND, signing=signing)
+    link.profile = profile_named(options.profile) if options.profile else None
+    return link

@@ -7,9 +7,10 @@ from argparse import Namespace
 
 from dslam_mav.commands.background import background
 from dslam_mav.commands.screen import Screen
+from dslam_mav.commands.signing import signing_from
 from dslam_mav.errors import BadInputError
 from dslam_mav.mission import Home
-from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
+from sim_bridge.vehicle import DEFAULT_HOME, Vehicle, parse_link_faults
 
 
 def run(options: Namespace) -> int:
@@ -22,6 +23,10 @@ def run(options: Namespace) -> int:
         seed=options.seed or 0,
         home=parse_home(options.home) if options.home else DEFAULT_HOME,
         cruise_speed_m_s=options.cruise_speed,
+        profile=options.profile,
+        feed=options.feed,
+        signing=signing_from(options, screen),
+        link_faults=parse_link_faults(options.link_faults) if options.link_faults else None,
     )
     screen.say(f"vehicle {options.system} listens on {', '.join(vehicle.urls)}, {options.speedup:g} times real time")
     screen.result({"system": options.system, "urls": list(vehicle.urls)})

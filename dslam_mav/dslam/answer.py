@@ -242,5 +242,6 @@ def _fitted(flight: Flight, medium: Medium, prob: Problem, real: State, rate_tol
         ambient=real.ambient,
         sensor_lag_s=float(np.exp(real.log_lag)),
         extent=real.extent,
+        ambient_drift_per_s=real.drift if prob.drift is None else medium.ambient_drift_per_s,
     )
     return fitted, activation

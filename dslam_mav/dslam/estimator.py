@@ -19,7 +19,7 @@ from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.arguments import check, check_count, hopeless, usable
-from dslam_mav.dslam.certify import MISFIT_P_VALUE, too_few
+from dslam_mav.dslam.certify import MISFIT_MATTERS, MISFIT_P_VALUE, too_few
 from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.dslam.paper.options import PaperOptions
@@ -36,6 +36,7 @@ MAX_SOURCES = 8
 DOUBTFUL_P = 0.05
 STANDS = "The field was found to stand still."
 CONTRADICTED = "A field that stands still fits them better than one that evolves with the μ or τ given."
+DRIFTING = "Readings fit with an ambient level that drifts: let it be estimated (ambient_drift_per_s=None)."
 COOLING = "Readings fit better upside down: sources that cool are not in the model."
 
 
@@ -115,8 +116,8 @@ def _threads() -> ThreadpoolController:
     return ThreadpoolController()  # type: ignore[no-untyped-call]
 
 
-def _with_k(question: _Question, k_sources: int) -> Estimate:
-    """The estimate for a given number of sources."""
+def _with_k(question: _Question, k_sources: int, *, patient: bool = True) -> Estimate:
+    """The estimate for a given number of sources; not `patient`, nothing is tried to mend a misfit."""
     flight, medium = question.flight, question.medium
     tau = medium.activation_s
     if isinstance(tau, tuple) and len(tau) not in (1, k_sources):
@@ -131,7 +132,7 @@ def _with_k(question: _Question, k_sources: int) -> Estimate:
     if reason is not None:
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
     unit = units_of(raw)
-    task = Task(normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start)
+    task = Task(normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start, patient)
     solved = solve(task, np.random.default_rng(question.seed))
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
@@ -149,7 +150,20 @@ def _reconsidered(question: _Question, result: Estimate) -> Estimate:
     doubtful = result.verdict is Verdict.NOT_CONVERGED or told["whiteness_p"] < MISFIT_P_VALUE
     if doubtful and not question.medium.static:
         return _or_standing(question, result)
+    if doubtful and _drifts(question, result):
+        others = tuple(replace(other, verdict=Verdict.MODEL_MISFIT) for other in result.alternatives)
+        return replace(result, verdict=Verdict.MODEL_MISFIT, reason=DRIFTING, alternatives=others)
     return _or_cooling(question, result, doubtful)
+
+
+def _drifts(question: _Question, result: Estimate) -> bool:
+    """Whether an ambient level that drifts explains what is left, and nothing else is left then."""
+    medium = question.medium
+    if medium.ambient is not None or medium.ambient_drift_per_s is None or question.flight.parametric is not None:
+        return False
+    drifting = replace(question, medium=replace(medium, ambient_drift_per_s=None), start=None)
+    told = _with_k(drifting, len(result.sources)).diagnostics
+    return bool(told.get("whiteness_p", 0.0) >= MISFIT_P_VALUE and told["cost"] < result.diagnostics["cost"])
 
 
 def _or_standing(question: _Question, result: Estimate) -> Estimate:
@@ -191,16 +205,30 @@ def _or_cooling(question: _Question, result: Estimate, doubtful: bool) -> Estima
 
 
 def _choose_k(question: _Question, max_sources: int) -> Estimate:
-    """K = 1, 2, … afresh, until the Bayesian information criterion first rises (theory, section 8)."""
-    best = _with_k(question, 1)
+    """K = 1, 2, … until the Bayesian information criterion rises (theory, section 8) from an answer that leaves no
+    more than noise, or a spot's own shape.
+
+    Too few sources leave a misfit that no patience mends: they are held against the answer only where it is as small
+    as what a shape leaves.
+    """
+    best, mended = _with_k(question, 1, patient=False), False
     for k_sources in range(2, max_sources + 1):
-        result = _with_k(question, k_sources)
-        if "cost" not in result.diagnostics:
+        more = _with_k(question, k_sources, patient=False)
+        if "cost" not in more.diagnostics:
             break  # too few data for so many
-        if "cost" in best.diagnostics and not _more_is_better(best, result):
+        if _more_is_better(best, more) and _mendable(best):
+            best, mended = _with_k(question, len(best.sources)), True
+        if _more_is_better(best, more):
+            best, mended = more, False
+        elif best.diagnostics["whiteness_p"] >= MISFIT_P_VALUE or _mendable(best):
             break
-        best = result
-    return best
+    return _with_k(question, len(best.sources)) if _mendable(best) and not mended else best
+
+
+def _mendable(result: Estimate) -> bool:
+    """Whether more is left than noise, yet so little that an extent of the sources may be behind it."""
+    told = result.diagnostics
+    return "cost" in told and told["whiteness_p"] < MISFIT_P_VALUE and told["systematic_share"] < MISFIT_MATTERS
 
 
 def _more_is_better(few: Estimate, more: Estimate) -> bool:
@@ -210,8 +238,10 @@ def _more_is_better(few: Estimate, more: Estimate) -> bool:
     readings: otherwise sources are added to mend the model's own misfit.
     """
     a, b = few.diagnostics, more.diagnostics
+    if "cost" not in a:
+        return True
     n = float(b["n_readings"])
     if b["whiteness_p"] < DOUBTFUL_P:
         n = min(n, float(b["freedom_inside"]))
-    extra = len(more.parameter_names) - len(few.parameter_names)
-    return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra * np.log(n) < 0.0)
+    extra = (len(more.parameter_names) - len(few.parameter_names)) * np.log(n)
+    return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra < 0.0)

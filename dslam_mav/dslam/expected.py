@@ -6,7 +6,7 @@ lie closer than a Gaussian needs; and the derivatives of its logarithm by the pa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from dslam_mav.dslam.inverses import factors, finite, inverses
 from dslam_mav.dslam.kernels.expected import Scene, Unknown, informations, pulled
 from dslam_mav.dslam.layouts import Layouts
 from dslam_mav.dslam.priors import CLOSED_SHARE
+from dslam_mav.dslam.rigid import rigid, rigid_of
 
 Array = NDArray[np.float64]
 
@@ -96,29 +97,50 @@ def _in_batches(path: ArrayLike, layouts: Layouts, sensing: Sensing, rng: np.ran
     spreads = float(np.linalg.norm(np.diff(b, axis=0), axis=1).sum() / layouts.spread_m.min())
     if spreads > LONGEST_SPREADS:
         raise ValueError(f"the path is {spreads:.0f} √C long: expected at most {LONGEST_SPREADS:.0f}")
-    size = 2 * len(b) + 4 * layouts.k_sources
-    step = max(1, MOST_NUMBERS // size**2)
-    return joined([_errors(b, layouts.part(i, i + step), sensing, rng) for i in range(0, len(layouts), step)])
+    return joined([_errors(b, part, sensing, rng) for part in _batches(b, layouts)])
+
+
+def _batches(b: Array, layouts: Layouts) -> Iterator[Layouts]:
+    step = max(1, MOST_NUMBERS // (2 * len(b) + 4 * layouts.k_sources) ** 2)
+    return (layouts.part(i, i + step) for i in range(0, len(layouts), step))
+
+
+@QUIET
+def place_errors(path: ArrayLike, layouts: Layouts, sensing: Sensing, rng: np.random.Generator) -> Array:
+    """(M, K, 16) what flights come to, as `errors_flown`, but of every source by itself."""
+    b, errors = np.asarray(path, dtype=np.float64), []
+    for part in _batches(b, layouts):
+        own, bounded = _factors(b, part, sensing)[1:]
+        drawn = own @ rng.standard_normal((len(part), 1, own.shape[3], FLIGHTS_A_LAYOUT))
+        errors.append(np.where(bounded[:, :, None], np.linalg.norm(drawn, axis=2), np.inf))
+    return np.concatenate(errors)
+
+
+def _factors(b: Array, layouts: Layouts, sensing: Sensing) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """(M, P, F) ways the unknowns may be off, (M, K, d, F) the sources' part of them, (M, K) which are bounded."""
+    k, d, at = layouts.k_sources, b.shape[1], _place_start(b, sensing)
+    paths = np.broadcast_to(b, (len(layouts), *b.shape)).copy()
+    factor = factors(_information(paths, layouts, sensing, POINTS_PER_SPREAD) / sensing.noise_sd**2)
+    own = factor[:, at : at + k * d].reshape(len(layouts), k, d, -1)
+    covariance = finite(own @ np.swapaxes(own, 2, 3), UNBOUNDED * np.eye(d))
+    worst = np.sqrt(np.linalg.eigvalsh(covariance).max(axis=2))
+    return factor, own, np.asarray(worst < UNIDENTIFIED_SPREADS * layouts.spread_m[:, None])
 
 
 @QUIET
 def _errors(b: Array, layouts: Layouts, sensing: Sensing, rng: np.random.Generator | None) -> Errors:
     """Every error is a sum of squares over ways the unknowns may be off: the covariance's own, or drawn at random."""
     k, d, at = layouts.k_sources, b.shape[1], _place_start(b, sensing)
-    paths = np.broadcast_to(b, (len(layouts), *b.shape)).copy()
-    factor = factors(_information(paths, layouts, sensing, POINTS_PER_SPREAD) / sensing.noise_sd**2)
-    own = factor[:, at : at + k * d].reshape(len(layouts), k, d, -1)
-    covariance = finite(own @ np.swapaxes(own, 2, 3), UNBOUNDED * np.eye(d))
-    worst = np.linalg.eigvalsh(covariance).max(axis=(1, 2))
-    blind = ~(np.sqrt(worst) < UNIDENTIFIED_SPREADS * layouts.spread_m)
+    factor, _, bounded = _factors(b, layouts, sensing)
+    blind = np.any(~bounded, axis=1)
     if rng is not None:
         factor = factor @ rng.standard_normal((len(layouts), factor.shape[2], FLIGHTS_A_LAYOUT))
     by_path = vertex_columns(b, sensing.unknown).reshape(b.size, -1)
-    motion = np.linalg.pinv(_rigid(b)) @ by_path
+    motion = np.linalg.pinv(rigid(b)) @ by_path
     path_off = by_path @ factor[:, :at]
-    path_left = (by_path - _rigid(b) @ motion) @ factor[:, :at]
+    path_left = (by_path - rigid(b) @ motion) @ factor[:, :at]
     source_off = factor[:, at : at + k * d]
-    moved = _rigid_of(layouts.places).reshape(len(layouts), k * d, -1) @ (motion @ factor[:, :at])
+    moved = rigid_of(layouts.places).reshape(len(layouts), k * d, -1) @ (motion @ factor[:, :at])
 
     def rms(off: Array, count: int) -> Array:
         squares = off**2 if rng is not None else (off**2).sum(axis=2, keepdims=True)
@@ -219,18 +241,3 @@ def _scene(layouts: Layouts, sensing: Sensing) -> Scene:
 def _place_start(b: Array, sensing: Sensing) -> int:
     n_legs = len(b) - 1
     return n_legs - 1 + (n_legs if sensing.length_sd_m > 0.0 else 0)
-
-
-def _rigid(points: Array) -> Array:
-    """(M·d, motions) what shifts and turns in the plane do to points (M, d)."""
-    return _rigid_of(points).reshape(points.size, -1)
-
-
-def _rigid_of(points: Array) -> Array:
-    """(…, d, d + 1) the same, point by point. Turns about the vertical only: climbs are known."""
-    d = points.shape[-1]
-    rows = np.zeros((*points.shape, d + 1))
-    rows[..., :d] = np.eye(d)
-    rows[..., 0, d] = -points[..., 1]
-    rows[..., 1, d] = points[..., 0]
-    return rows

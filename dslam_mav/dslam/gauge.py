@@ -51,11 +51,12 @@ def in_order(prob: Problem, state: State) -> State:
         return replace(state, s=state.s @ turned, coefficients=state.coefficients @ turned)
     if prob.dimensions == 3 and prob.rise is None:
         signs = np.sign(np.diag(alignment.rotation))
-        return replace(state, theta=state.theta * signs[1], climb=state.climb * signs[2], s=state.s * signs)
-    side = 1.0 if alignment.rotation[1, 1] >= 0.0 or prob.dimensions == 3 else -1.0
-    s = state.s.copy()
-    s[:, 1] *= side
-    return replace(state, theta=state.theta * side, s=s)
+        return replace(
+            state, theta=state.theta * signs[1], climb=state.climb * signs[2], s=state.s * signs, gap=state.gap * signs
+        )
+    sides = np.ones(prob.dimensions)
+    sides[1] = 1.0 if alignment.rotation[1, 1] >= 0.0 or prob.dimensions == 3 else -1.0
+    return replace(state, theta=state.theta * sides[1], s=state.s * sides, gap=state.gap * sides)
 
 
 def placed(prob: Problem, state: State, at: Layout) -> Placed:

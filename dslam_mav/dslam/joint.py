@@ -13,7 +13,7 @@ from dslam_mav.dslam.kernels.model import add_columns, add_field, add_turns, lag
 from dslam_mav.dslam.path import climb_of, directions, places, turns
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.rows import prior_rows
-from dslam_mav.dslam.state import Layout, State, any_in, layout, uncertain_legs
+from dslam_mav.dslam.state import Layout, State, any_in, layout, loose_corners, uncertain_legs
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ def model_of(prob: Problem, state: State) -> Array:
     lag = float(np.exp(state.log_lag))
     if lag > 0.0:
         lagged(out[:, None], prob.t, lag)
-    return _mixed(prob, out + state.ambient)
+    return _mixed(prob, out + state.ambient + state.drift * prob.t)
 
 
 def residual_of(prob: Problem, state: State, at: Layout | None = None) -> Array:
@@ -54,7 +54,8 @@ def evaluate(prob: Problem, state: State, at: Layout | None = None) -> tuple[Arr
         by_lag = lagged(out, prob.t, lag)
         columns[:, at.lag] = by_lag[:, -1:]
     columns[:, at.ambient] = 1.0
-    out[:, -1] += state.ambient
+    columns[:, at.drift] = prob.t[:, None]
+    out[:, -1] += state.ambient + state.drift * prob.t
     out = _mixed(prob, out)
     off, rows = prior_rows(prob, state, at)
     return np.concatenate([out[:, -1] - prob.y, off]), np.vstack([out[:, :-1], rows])
@@ -72,6 +73,9 @@ def _path_columns(prob: Problem, state: State, at: Layout, by_place: Array, colu
         along = directions(state.theta, climb_of(prob, state))
         longer = uncertain_legs(prob)
         columns[:, at.longer] = np.where(prob.leg[:, None] > longer[None, :], by_place @ along[longer].T, 0.0)
+    if any_in(at.gap):
+        later = prob.leg[:, None] > loose_corners(prob)[None, :]
+        columns[:, at.gap] = np.where(later[:, :, None], by_place[:, None, :], 0.0).reshape(len(by_place), -1)
 
 
 def _mixed(prob: Problem, values: Array) -> Array:

@@ -40,9 +40,9 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """`k_sources` from … to, anywhere in `region`, at least 0.8 √C apart; √C at the flight's start from … to, uniform
-    in its logarithm; `rate_m2_s` = 4μ where the field evolves, 0 where it stands still. Peak readings then lie within
-    a factor four about `peak`.
+    """`k_sources` from … to, anywhere in `region`, at least `apart_m` apart (None: 0.8 √C); √C at the flight's start
+    from … to, uniform in its logarithm; `rate_m2_s` = 4μ where the field evolves, 0 where it stands still. Peak
+    readings then lie within a factor `ratio` about `peak`.
     """
 
     k_sources: tuple[int, int]
@@ -50,6 +50,8 @@ class Prior:
     region: Region
     rate_m2_s: float = 0.0
     peak: float = 1.0
+    apart_m: float | None = None
+    ratio: float = AMPLITUDE_RATIO
 
     @property
     def usual_spread_m(self) -> float:
@@ -100,8 +102,9 @@ def _shares(count: int, parts: int) -> list[int]:
 def _of_k(prior: Prior, k: int, count: int, rng: np.random.Generator) -> Layouts:
     logs = np.log(prior.spread_m)
     spread = np.exp(logs[0] + (logs[1] - logs[0]) * rng.random(count))
-    peak = prior.peak * AMPLITUDE_RATIO ** (rng.random((count, k)) - 0.5)
-    places = np.array([_placed(prior.region, k, APART_SPREADS * wide, rng) for wide in spread])
+    peak = prior.peak * prior.ratio ** (rng.random((count, k)) - 0.5)
+    apart = APART_SPREADS * spread if prior.apart_m is None else np.full(count, prior.apart_m)
+    places = np.array([_placed(prior.region, k, own, rng) for own in apart])
     return Layouts(places, peak, spread, np.full(count, prior.rate_m2_s))
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.dslam.kernels.model import along_legs
+from dslam_mav.dslam.kernels.model import on_legs
 from dslam_mav.dslam.problem import Problem
-from dslam_mav.dslam.state import Layout, State, climbs_unknown, uncertain_legs
+from dslam_mav.dslam.state import Layout, State, climbs_unknown, loose_corners, uncertain_legs
 
 Array = NDArray[np.float64]
 
@@ -21,9 +21,11 @@ def directions(theta: Array, climb: Array | None = None) -> Array:
     return np.hstack([np.cos(climb)[:, None] * flat, np.sin(climb)[:, None]])
 
 
-def vertices(theta: Array, length: Array, climb: Array | None = None) -> Array:
-    """Path (L+1, d) from headings, lengths and climbs, from the origin (2)."""
+def vertices(theta: Array, length: Array, climb: Array | None = None, gap: Array | None = None) -> Array:
+    """Path (L+1, d) from headings, lengths and climbs, from the origin (2), each leg a `gap` (L, d) beyond the last."""
     steps = length[:, None] * directions(theta, climb)
+    if gap is not None:
+        steps = steps + gap
     return np.vstack([np.zeros(steps.shape[1]), np.cumsum(steps, axis=0)])
 
 
@@ -43,15 +45,14 @@ def corners(prob: Problem, state: State) -> Array:
     """(L+1, d) vertices of the state's path; of a parametric path the places of its readings (n, d)."""
     if prob.basis is not None:
         return prob.basis @ state.coefficients
-    return vertices(state.theta, prob.length + state.longer, climb_of(prob, state))
+    return vertices(state.theta, prob.length + state.longer, climb_of(prob, state), state.gap)
 
 
 def places(prob: Problem, state: State) -> Array:
     """(n, d) where every reading was taken."""
     if prob.basis is not None:
         return prob.basis @ state.coefficients
-    along = directions(state.theta, climb_of(prob, state))
-    return np.asarray(along_legs(along, prob.length + state.longer, prob.leg, prob.s))
+    return np.asarray(on_legs(corners(prob, state), directions(state.theta, climb_of(prob, state)), prob.leg, prob.s))
 
 
 def turns(prob: Problem, state: State) -> tuple[Array, NDArray[np.int64]]:
@@ -85,4 +86,6 @@ def path_columns(prob: Problem, state: State, at: Layout) -> Array:
     longer = uncertain_legs(prob)
     along = directions(state.theta, climb_of(prob, state))[longer].T
     columns[:, :, at.longer] = np.where(vertex > longer, along, 0.0)
+    shifted = (vertex > loose_corners(prob))[..., None] * np.eye(d)[None, :, None, :]
+    columns[:, :, at.gap] = shifted.reshape(prob.n_legs + 1, d, -1)
     return columns

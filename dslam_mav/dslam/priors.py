@@ -40,7 +40,8 @@ SLACK_SD = 5.0  # … and of the legs' own standard deviations
 class Priors:
     """`heading_rad` (L,) with their sd, counter-clockwise from east; `closed_sd_m` of the closure; known points.
 
-    `point_index` (M,) vertices lie at `points_m` (M, d); `length_sd_m` (L,) of leg lengths.
+    `point_index` (M,) vertices lie at `points_m` (M, d); `length_sd_m` (L,) of leg lengths,
+    `corner_sd_m` (L − 1,) of where the next leg begins.
     """
 
     heading_rad: Array | None = None
@@ -49,6 +50,7 @@ class Priors:
     point_index: NDArray[np.int64] | None = None
     points_m: Array | None = None
     length_sd_m: Array | None = None
+    corner_sd_m: Array | None = None
 
     @property
     def any(self) -> bool:
@@ -81,8 +83,10 @@ def priors_of(
         closed_sd_m = max(float(closed_sd_m), LEAST_SD * float(flight.lengths_m.sum()))
     heading, heading_sd = _headings(n_legs, heading_prior)
     index, points = _points(flight, dimensions, known_points, heading is not None)
-    sd = np.array([leg.length_sd_m for leg in flight.legs])
-    return Priors(heading, heading_sd, closed_sd_m, index, points, sd if (sd > 0.0).any() else None)
+    lengths = np.array([leg.length_sd_m for leg in flight.legs])
+    corner = np.array([leg.corner_sd_m for leg in flight.legs[:-1]])
+    given = [sd if (sd > 0.0).any() else None for sd in (lengths, corner)]
+    return Priors(heading, heading_sd, closed_sd_m, index, points, *given)
 
 
 def _headings(n_legs: int, prior: tuple[ArrayLike, float] | None) -> tuple[Array | None, float]:
@@ -133,27 +137,34 @@ def _check_reach(flight: Flight, index: NDArray[np.int64], points: Array) -> Non
             raise ValueError(f"known_points: expected {wanted}, got {apart:.6g} m")
 
 
-def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units) -> Problem:
-    """With the priors every flight has: on strengths, on the age of a field that hardly evolves, on leg lengths."""
+def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: bool = False) -> Problem:
+    """With the priors every flight has: on strengths, on the age of a field that hardly evolves, on leg lengths, and,
+    `loose`, on where legs begin.
+    """
     duration = float(prob.t[-1])
     unaged = prob.rate is None and prob.age is None
     lengths = None
     if priors.length_sd_m is not None:
         sd = priors.length_sd_m / unit.length / noise_sd
         lengths = np.where(sd > 0.0, np.maximum(sd, FINEST), 0.0)
+    corner = None
+    if loose and priors.corner_sd_m is not None:
+        sd = priors.corner_sd_m / unit.length / noise_sd
+        corner = np.where(sd > 0.0, np.maximum(sd, FINEST), 0.0)
     known = Known(
         peak=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd),
         age=(OLDEST_FLIGHTS * duration, AGE_LOG_SD / noise_sd) if unaged else None,
         lag=(float(np.log(USUAL_LAG * duration)), LAG_LOG_SD / noise_sd) if prob.lag is None else None,
         extent_sd=EXTENT_SD / noise_sd,
         length_sd=lengths,
+        corner_sd=corner,
     )
     return replace(prob, known=known)
 
 
-def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units) -> Problem:
+def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: bool = False) -> Problem:
     """With all that is known, weighed against the noise of a reading."""
-    prob = bounded(prob, noise_sd, priors, unit)
+    prob = bounded(prob, noise_sd, priors, unit, loose=loose)
     heading, points = None, None
     if priors.heading_rad is not None:
         heading = (priors.heading_rad, max(priors.heading_sd_rad / noise_sd, FINEST))
@@ -177,10 +188,11 @@ def both_sides(prob: Problem, states: Sequence[State]) -> list[State]:
     out = []
     for state in states:
         for side in (1.0, -1.0):
-            theta, s, terms = side * state.theta, state.s.copy(), state.coefficients.copy()
-            s[:, 1] *= side
-            terms[:, 1:2] *= side
-            there = replace(state, theta=theta, s=s, coefficients=terms)
+            theta, sides = side * state.theta, np.ones(prob.dimensions)
+            sides[1] = side
+            there = replace(
+                state, theta=theta, s=state.s * sides, gap=state.gap * sides, coefficients=state.coefficients * sides
+            )
             if known.heading is not None:
                 off = known.heading[0] - theta
                 there = replace(there, turn=float(np.arctan2(np.sin(off).sum(), np.cos(off).sum())))

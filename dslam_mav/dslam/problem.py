@@ -20,7 +20,8 @@ class Known:
     """Priors and constraints, with standard deviations in units of a reading's noise.
 
     `heading`: headings (L,) and their sd. `closed_sd`: of the path's end about its start. `points`: vertex indices,
-    their places (M, d), their sd. `length_sd` (L,): of leg lengths; 0 is exact. `peak`: a source's peak reading beyond
+    their places (M, d), their sd. `length_sd` (L,): of leg lengths; 0 is exact. `corner_sd`
+    (L − 1,): of where the next leg begins, along each axis; 0 is exact. `peak`: a source's peak reading beyond
     the first number costs as the logarithm's excess over the second; without it, ever remoter and stronger sources
     beside ever straighter paths fit almost anything. `age` likewise: in a field that stands still μ and τ run away
     together. `lag`: ln of the sensor's time constant and its sd.
@@ -30,6 +31,7 @@ class Known:
     closed_sd: float | None = None
     points: tuple[NDArray[np.int64], Array, float] | None = None
     length_sd: Array | None = None
+    corner_sd: Array | None = None
     peak: tuple[float, float] | None = None
     age: tuple[float, float] | None = None
     lag: tuple[float, float] | None = None
@@ -43,6 +45,7 @@ class Problem:
     `s`, `t`, `y` (n,) and `leg` (n,) in leg order; `length` (L,); `rise` (L,) height gained where it is known (3-D).
     `basis` (n, P) instead of legs for a parametric path. `spread2` (1,) or (K,): C at the first reading where it is
     known; `age` (1,) or (K,): the sources' age then; `rate` = 4μ where known, 0 in a static field.
+    `drift` of the ambient level that is unknown, None; one that is known has been taken out of the readings.
     `spreads`: how many C are unknown, "none", "shared" or "each".
 
     Many readings are carried by few (reduce.py): then `s`, `t`, `leg` are places of the model, leg j's block of which
@@ -65,6 +68,7 @@ class Problem:
     basis: Array | None = None
     lag: float | None = 0.0
     extent: float | None = 0.0
+    drift: float | None = 0.0
     known: Known = Known()
     mix: tuple[Array, ...] | None = None
     n_readings: int = 0
@@ -100,10 +104,11 @@ def problem(flight: Flight, medium: Medium) -> Problem:
     spreads = "none" if spread2 is not None else "each" if one_each else "shared"
     rises = [leg.rise_m for leg in flight.legs]
     climbs = medium.dimensions == 3 and bool(rises) and all(rise is not None for rise in rises)
+    drift = medium.ambient_drift_per_s
     return Problem(
         s=distance,
         t=t - first,
-        y=y,
+        y=y - drift * (t - first) if drift else y,
         leg=leg,
         length=flight.lengths_m,
         ambient=medium.ambient,
@@ -117,12 +122,15 @@ def problem(flight: Flight, medium: Medium) -> Problem:
         basis=basis,
         lag=medium.sensor_lag_s,
         extent=medium.extent or 0.0,
+        drift=0.0 if drift is not None else None,
         n_readings=y.size,
     )
 
 
 def alike(prob: Problem) -> Problem:
-    """The problem with one C for all sources, whatever is known of each, and nothing known beside the readings."""
+    """The problem with one C for all sources, whatever is known of each, and nothing known beside the readings; a level
+    that drifts is one unknown on every leg.
+    """
     return replace(
         prob,
         spreads="shared" if prob.spreads == "each" else prob.spreads,
@@ -130,5 +138,7 @@ def alike(prob: Problem) -> Problem:
         age=None if prob.age is None else np.exp(np.log(prob.age).mean(keepdims=True)),
         lag=prob.lag or 0.0,
         extent=0.0,
+        ambient=None if prob.drift is None else prob.ambient,
+        drift=0.0,
         known=Known(),
     )

@@ -79,9 +79,9 @@ class _Ground:
         """The point a step (P,) away, in parts that `moved` takes in full; χ² is infinite where they would be many."""
         at, reach = self.at, 0.5 * MAX_STEP_SPREADS * here.state.spread
         limit = np.full(at.size, MAX_STEP_LOG)
-        limit[at.ambient] = limit[at.shift] = np.inf
+        limit[at.ambient] = limit[at.drift] = limit[at.shift] = np.inf
         limit[at.heading] = limit[at.climb] = limit[at.turn] = MAX_STEP_RAD
-        limit[at.place] = limit[at.longer] = limit[at.coefficient] = reach
+        limit[at.place] = limit[at.longer] = limit[at.gap] = limit[at.coefficient] = reach
         limit[at.extent] = MAX_STEP_EXTENT
         longest = float((np.abs(step) / limit).max())
         parts = max(1, int(np.ceil(min(longest, MOST_PARTS + 1.0))))

@@ -56,6 +56,30 @@ def binned(prob: Problem) -> Problem:
     )
 
 
+def unlagged(prob: Problem, lag: float) -> Problem:
+    """For the search: readings placed where a sensor of time constant `lag` mostly saw them, so long before.
+
+    What a leg's first readings still show of the leg before is left out, where enough are left. Along the leg a source
+    is seen wider, its variance C/2 by the square of the way flown meanwhile: half of that is added to a known C.
+    """
+    s, seen = prob.s.copy(), np.ones(prob.s.size, dtype=np.bool_)
+    way2 = 0.0
+    for j in range(prob.n_legs):
+        own = np.flatnonzero(prob.leg == j)
+        if own.size < 2:
+            continue
+        ways = lag * np.gradient(prob.s[own], prob.t[own])
+        s[own] -= ways
+        way2 += float(ways @ ways) / prob.s.size
+        late = prob.t[own] - prob.t[own[0]] >= lag
+        seen[own] = late if 2 * late.sum() >= own.size else True
+    n_readings = int(seen.sum())
+    wider = None if prob.spread2 is None else prob.spread2 + way2
+    return replace(
+        prob, s=s[seen], t=prob.t[seen], y=prob.y[seen], leg=prob.leg[seen], n_readings=n_readings, spread2=wider
+    )
+
+
 def reduced(prob: Problem, narrowest_spread: float) -> Problem:
     """The same problem with its readings reduced, where that is exact; `narrowest_spread` is the least √C in question.
 
@@ -102,8 +126,8 @@ def _spread_out(distance: Array) -> bool:
 
 
 def _steady_times(prob: Problem, own: NDArray[np.int64], nodes: Array) -> Array | None:
-    """Times at the nodes; None where the field evolves and the leg was not flown at one speed."""
-    if prob.static:
+    """Times at the nodes; None where field or ambient level change and the leg was not flown at one speed."""
+    if prob.static and prob.drift is not None:
         return np.full(nodes.size, float(prob.t[own[0]]))
     slope, start = np.polyfit(prob.s[own], prob.t[own], 1)
     if np.abs(start + slope * prob.s[own] - prob.t[own]).max() > STEADY * float(prob.t[-1]):

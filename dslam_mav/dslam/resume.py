@@ -115,4 +115,5 @@ def _with_leg(prob: Problem, state: State, leg: int) -> Sequence[State]:
     minima = np.flatnonzero((cost <= np.roll(cost, 1)) & (cost < np.roll(cost, -1)))
     best = minima[np.argsort(cost[minima])][:2]
     still = np.zeros(leg + 1)
-    return [replace(state, theta=np.append(state.theta, scan[i]), climb=still, longer=still) for i in best]
+    gap = np.zeros((leg + 1, state.s.shape[1]))
+    return [replace(state, theta=np.append(state.theta, scan[i]), climb=still, longer=still, gap=gap) for i in best]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.path import corners, path_columns
 from dslam_mav.dslam.problem import Problem
-from dslam_mav.dslam.state import Layout, State, any_in, uncertain_legs
+from dslam_mav.dslam.state import Layout, State, any_in, loose_corners, uncertain_legs
 
 Array = NDArray[np.float64]
 Rows = tuple[Array, Array]  # (r,) standard deviations off, (r, P) derivatives
@@ -56,6 +56,12 @@ def _on_path(prob: Problem, state: State, at: Layout) -> Iterator[Rows]:
         columns = np.zeros((legs.size, at.size))
         columns[:, at.longer] = np.diag(1.0 / known.length_sd[legs])
         yield state.longer[legs] / known.length_sd[legs], columns
+    if any_in(at.gap) and known.corner_sd is not None:
+        loose = loose_corners(prob)
+        sds = np.repeat(known.corner_sd[loose], prob.dimensions)
+        columns = np.zeros((sds.size, at.size))
+        columns[:, at.gap] = np.diag(1.0 / sds)
+        yield state.gap[loose].ravel() / sds, columns
     if known.heading is not None:
         heading, sd = known.heading
         turned = state.theta + state.turn - heading

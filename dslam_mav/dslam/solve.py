@@ -11,41 +11,51 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit, settled
+from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.media import apart, media_starts
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Known, Problem, alike
-from dslam_mav.dslam.reduce import binned, reduced
+from dslam_mav.dslam.reduce import binned, reduced, unlagged
 from dslam_mav.dslam.resume import fits_the_flight, resumed
 from dslam_mav.dslam.scatter import scatter
 from dslam_mav.dslam.starts import Starts, starts, warm_starts
-from dslam_mav.dslam.state import State, layout
+from dslam_mav.dslam.state import State, layout, loose_corners
 from dslam_mav.dslam.units import Units
 from dslam_mav.records import Estimate
 
 Array = NDArray[np.float64]
 
 THREADS = 2  # as the search; the fits are the same whatever their number
+USUAL_LAGS = np.array([0.003, 0.01, 0.03])  # of the flight: where an unknown lag is looked for
+NEAR_LAG = np.array([0.6, 1.0])  # of a known one: how far back readings belong depends on what they pass
 HEAT = 6  # iterations all starts are given
 CRAWLING = 8  # of the best: taken on by Newton's steps where they have not settled
 FAR_BEHIND = 40.0  # in χ², after them
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
-EXTENT_GAIN = 12.0  # Δχ² from which a free shape is believed
+FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are believed
 DITHER = 0.02  # of the readings' range: theory, section 10, the noise to search with where the model does not fit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """The problem with all that is known of it, its distinct fits, best first, and the residuals' level."""
+    """The problem with all that is known of it, its distinct fits, best first, and the residuals' level.
+
+    `ends`: where all fits ended that were not far behind.
+    """
 
     problem: Problem
     fits: tuple[Fit, ...]
     level: Noise
     freedom_inside: int
+    ends: tuple[State, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """A problem in units of its own, how many sources to find, what is known besides, and where to begin."""
+    """A problem in units of its own, how many sources to find, what is known besides, and where to begin.
+
+    Not `patient`, an answer that leaves more than noise is taken as it is; `loose`, legs may begin beside the corners.
+    """
 
     problem: Problem
     k_sources: int
@@ -53,6 +63,8 @@ class Task:
     unit: Units
     extent_free: bool
     start: Estimate | None = None
+    patient: bool = True
+    loose: bool = False
 
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
@@ -66,7 +78,12 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
                 return warm
     begun = _search(task.problem, coarse, task.k_sources, rng)
     solved = _solved(task, begun, coarse, rng)
-    if solved is None or not solved.level.misfit or task.problem.basis is not None or task.problem.dimensions == 3:
+    if solved is not None and task.problem.drift is None:
+        coarse = replace(coarse, y=coarse.y - solved.fits[0].state.drift * coarse.t)
+        begun = _search(task.problem, coarse, task.k_sources, rng)
+        solved = _solved(task, replace(begun, states=begun.states + solved.ends), coarse, rng)
+    flat = task.problem.basis is None and task.problem.dimensions == 2
+    if solved is None or not (solved.level.misfit and task.patient and flat):
         return solved
     doubted = replace(_dithered(coarse, rng), extent=None if task.extent_free else coarse.extent)
     more = _search(task.problem, doubted, task.k_sources, rng)
@@ -85,7 +102,25 @@ def _dithered(prob: Problem, rng: np.random.Generator) -> Problem:
 
 
 def _search(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
-    """Starts at one C for all sources, whatever is known of each."""
+    """Starts at one C for all sources, whatever is known of each; of a slow sensor at its lag, or at likely ones."""
+    if prob.lag == 0.0 or prob.basis is not None:
+        return _search_unlagged(prob, coarse, k_sources, rng)
+    likely = USUAL_LAGS * prob.t[-1] if prob.lag is None else NEAR_LAG * prob.lag
+    lags = [float(lag) for lag in likely]
+    found = [_search_unlagged(prob, unlagged(coarse, lag), k_sources, rng) for lag in lags]
+    states = []
+    for lag, each in zip(lags, found, strict=True):
+        own = float(np.log(lag if prob.lag is None else prob.lag))
+        states += [replace(state, log_lag=own, log_spread2=_as_known(coarse, state)) for state in each.states]
+    return replace(found[0], states=tuple(states))
+
+
+def _as_known(prob: Problem, state: State) -> Array:
+    """(K,) ln C as known, which the search may have widened."""
+    return state.log_spread2 if prob.spread2 is None else np.log(np.broadcast_to(prob.spread2, len(state.s)))
+
+
+def _search_unlagged(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     if prob.basis is not None or prob.dimensions == 3:
         return scatter(prob, k_sources, rng)
     return media_starts(coarse, k_sources, rng) if coarse.spread2 is None else starts(coarse, k_sources, rng)
@@ -97,17 +132,49 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
         narrowest = NARROWER * min(state.spread for state in begun.states)
         task = replace(task, problem=reduced(task.problem, narrowest))
         begun = _on_all_readings(begun, task.problem, task.problem.n_readings / coarse.n_readings)
+    found = _found(task, begun, rng)
+    if found is None or not task.patient:
+        return found
+    if task.priors.corner_sd_m is not None:
+        loose = _found(replace(task, loose=True), replace(begun, states=found.ends), rng)
+        if loose is not None and _loosely(found, loose):
+            task, found = replace(task, loose=True), loose
+    if task.extent_free and found.level.misfit:
+        begun = replace(begun, states=(*begun.states, *found.ends))
+        found = _better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
+    return found
+
+
+def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
     prob, fits = _fits(task, begun, rng)
     if not fits:
         return None
     level = _level(prob, begun, fits[0])
-    if task.extent_free and level.misfit:
-        shaped, better = _fits(replace(task, problem=replace(task.problem, extent=None)), begun, rng)
-        settled = bool(better) and (better[0].converged or not fits[0].converged)
-        if settled and fits[0].cost - better[0].cost > EXTENT_GAIN * level.inside:
-            prob, fits = shaped, better
-            level = _level(prob, begun, fits[0])
-    return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside)
+    ends = tuple(f.state for f in fits)
+    return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, ends)
+
+
+def _loosely(exact: Solution, loose: Solution) -> bool:
+    """Whether readings speak for corners as loose as told: by Laplace's evidence, at the readings' own noise."""
+    variance = loose.level.outside
+    return _surprise(loose, variance) < _surprise(exact, variance)
+
+
+def _surprise(solution: Solution, variance: float) -> float:
+    """−2 ln evidence of the best fit, without what all fits of a flight share."""
+    prob, best = solution.problem, solution.fits[0]
+    jacobian = evaluate(prob, best.state)[1]
+    _, volume = np.linalg.slogdet(jacobian.T @ jacobian / variance)
+    sds = np.empty(0) if prob.known.corner_sd is None else prob.known.corner_sd[loose_corners(prob)]
+    return best.cost / variance + float(volume) + prob.dimensions * float(np.log(sds**2 * variance).sum())
+
+
+def _better(found: Solution, freer: Solution | None) -> Solution:
+    """The freer solution where it is one and fits better by more than its freedom does."""
+    if freer is None or (found.fits[0].converged and not freer.fits[0].converged):
+        return found
+    gain = found.fits[0].cost - freer.fits[0].cost
+    return freer if gain > FREEDOM_GAIN * found.level.inside else found
 
 
 def _on_all_readings(begun: Starts, prob: Problem, each: float) -> Starts:
@@ -124,7 +191,9 @@ def _as_asked(prob: Problem, found: Sequence[State]) -> list[State]:
     asked = list(found)
     if prob.extent is not None:
         asked = [replace(state, extent=prob.extent) for state in asked]
-    if prob.lag is None:
+    if prob.ambient is not None:
+        asked = [replace(state, ambient=prob.ambient) for state in asked]
+    if prob.lag is None and prob.basis is not None:
         asked = [replace(state, log_lag=float(np.log(USUAL_LAG * prob.t[-1]))) for state in asked]
     own = prob.spread2 if prob.spread2 is not None else prob.age
     if own is not None and own.size > 1:
@@ -145,13 +214,13 @@ def _with_own_spreads(prob: Problem, state: State, log_known: Array) -> State:
 def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem, list[Fit]]:
     """The problem with all that is known, and its fits from every start, best first."""
     prob, priors, unit = task.problem, task.priors, task.unit
-    loose = bounded(prob, begun.sigma, priors, unit)
+    loose = bounded(prob, begun.sigma, priors, unit, loose=task.loose)
     fits = _raced(loose, _as_asked(prob, begun.states))
     if not fits or not priors.any:
         return loose, fits
     k_sources = len(fits[0].state.s)
     sigma = float(np.sqrt(_level(loose, begun, fits[0]).variance))
-    tight = constrained(prob, sigma, priors, unit)
+    tight = constrained(prob, sigma, priors, unit, loose=task.loose)
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)

@@ -1,7 +1,8 @@
 """One candidate answer, and the vector of its unknowns.
 
 In the canonical gauge (b_1 = 0, θ_1 = 0): headings θ_2 … θ_L, climbs where they are unknown (3-D; the first two legs
-in the plane z = 0), or the coefficients of a parametric path; leg lengths that are uncertain; sources S_k, ln a_k;
+in the plane z = 0), or the coefficients of a parametric path; leg lengths that are uncertain, and where the next leg
+begins; sources S_k, ln a_k;
 what is unknown of the medium, of the sensor, and of the way from this gauge to that of known headings or points.
 """
 
@@ -28,8 +29,9 @@ MAX_EXTENT = 0.6  # beyond it the shape 1 + κL(u) is far below zero somewhere: 
 class State:
     """θ (L,) with θ_1 = 0, S (K, d), ln a (K,), ln C at the first reading (K,), ln 4μ (−∞: static), ambient level.
 
-    `climb` (L,) of every leg above the plane, `longer` (L,) what a leg is longer than said, `coefficients` (P, d) of a
-    parametric path, κ `extent`, `log_lag`; `turn` and `shift` (d,) lead to the frame of known headings and points.
+    `climb` (L,) of every leg above the plane, `longer` (L,) what a leg is longer than said, `gap` (L, d) from its
+    end to where the next begins, `coefficients` (P, d) of a parametric path, κ `extent`, `log_lag`, `drift`; `turn`
+    and `shift` (d,) lead to the frame of known headings and points.
     """
 
     theta: Array
@@ -40,9 +42,11 @@ class State:
     ambient: float
     climb: Array
     longer: Array
+    gap: Array
     coefficients: Array
     extent: float = 0.0
     log_lag: float = -np.inf
+    drift: float = 0.0
     turn: float = 0.0
     shift: Array | None = None
 
@@ -60,6 +64,7 @@ class State:
             ambient=prob.ambient or 0.0,
             climb=np.zeros(prob.n_legs),
             longer=np.zeros(prob.n_legs),
+            gap=np.zeros((prob.n_legs, d)),
             coefficients=np.zeros((0 if prob.basis is None else prob.basis.shape[1], d)),
             extent=prob.extent or 0.0,
             log_lag=float(np.log(prob.lag)) if prob.lag else -np.inf,
@@ -78,11 +83,13 @@ class Layout(NamedTuple):
     climb: slice
     coefficient: slice
     longer: slice
+    gap: slice
     place: slice
     amplitude: slice
     medium: slice
     extent: slice
     ambient: slice
+    drift: slice
     lag: slice
     turn: slice
     shift: slice
@@ -109,11 +116,13 @@ def layout(prob: Problem, k_sources: int) -> Layout:
         max(n_legs - 2, 0) if climbs_unknown(prob) else 0,
         0 if prob.basis is None else prob.basis.shape[1] * d,
         uncertain,
+        loose_corners(prob).size * d,
         k_sources * d,
         k_sources,
         by_medium.shape[1],
         int(prob.extent is None),
         int(prob.ambient is None),
+        int(prob.drift is None),
         int(prob.lag is None),
         int(known.heading is not None or known.points is not None),
         d if known.points is not None else 0,
@@ -150,6 +159,7 @@ def parameter_names(prob: Problem, k_sources: int) -> tuple[str, ...]:
     terms = range(1, prob.basis.shape[1] + 1) if prob.basis is not None else ()
     coefficients = [f"coefficient {i} {a}" for i in terms for a in axes]
     longer = [f"length of leg {j + 1}" for j in uncertain_legs(prob)]
+    gaps = [f"corner {j + 2} {a}" for j in loose_corners(prob) for a in axes]
     places = [f"source {k} {a}" for k in each for a in axes]
     amplitudes = [f"ln amplitude {k}" for k in each]
     medium = []
@@ -160,10 +170,16 @@ def parameter_names(prob: Problem, k_sources: int) -> tuple[str, ...]:
     if prob.rate is None and prob.age is None:
         medium.append("ln diffusivity")
     frame = layout(prob, k_sources)
-    kinds = (("extent", frame.extent), ("ambient", frame.ambient), ("ln lag", frame.lag), ("turn", frame.turn))
+    kinds = (
+        ("extent", frame.extent),
+        ("ambient", frame.ambient),
+        ("ambient drift", frame.drift),
+        ("ln lag", frame.lag),
+        ("turn", frame.turn),
+    )
     rest = [name for name, part in kinds if any_in(part)]
     shift = [f"shift {a}" for a in axes] if prob.known.points is not None else []
-    return (*headings, *climbs, *coefficients, *longer, *places, *amplitudes, *medium, *rest, *shift)
+    return (*headings, *climbs, *coefficients, *longer, *gaps, *places, *amplitudes, *medium, *rest, *shift)
 
 
 def uncertain_legs(prob: Problem) -> NDArray[np.int64]:
@@ -171,6 +187,13 @@ def uncertain_legs(prob: Problem) -> NDArray[np.int64]:
     if prob.known.length_sd is None:
         return np.empty(0, dtype=np.int64)
     return np.flatnonzero(prob.known.length_sd > 0.0)
+
+
+def loose_corners(prob: Problem) -> NDArray[np.int64]:
+    """Legs that the next one may begin away from."""
+    if prob.known.corner_sd is None:
+        return np.empty(0, dtype=np.int64)
+    return np.flatnonzero(prob.known.corner_sd > 0.0)
 
 
 def moved(prob: Problem, state: State, step: Array, at: Layout) -> State:
@@ -194,6 +217,10 @@ def moved(prob: Problem, state: State, step: Array, at: Layout) -> State:
         longer = state.longer.copy()
         longer[uncertain_legs(prob)] += part(at.longer, reach)
         change["longer"] = longer
+    if any_in(at.gap):
+        gap = state.gap.copy()
+        gap[loose_corners(prob)] += part(at.gap, reach).reshape(-1, d)
+        change["gap"] = gap
     if any_in(at.medium):
         logs = at.map @ part(at.medium)
         change["log_spread2"] = state.log_spread2 + logs[:-1]
@@ -203,6 +230,8 @@ def moved(prob: Problem, state: State, step: Array, at: Layout) -> State:
         change["extent"] = min(max(extent, -MAX_EXTENT), MAX_EXTENT)
     if any_in(at.ambient):
         change["ambient"] = state.ambient + float(step[at.ambient][0])
+    if any_in(at.drift):
+        change["drift"] = state.drift + float(step[at.drift][0])
     if any_in(at.lag):
         change["log_lag"] = state.log_lag + float(part(at.lag)[0])
     if any_in(at.turn):

@@ -59,7 +59,9 @@ def in_si(state: State, unit: Units) -> State:
         log_spread2=state.log_spread2 + 2.0 * np.log(length),
         log_rate=state.log_rate + 2.0 * float(np.log(length)) - float(np.log(time)),
         ambient=state.ambient * reading,
+        drift=state.drift * (reading / time),
         longer=state.longer * length,
+        gap=state.gap * length,
         coefficients=state.coefficients * length,
         log_lag=state.log_lag + float(np.log(time)),
         shift=None if state.shift is None else state.shift * length,
@@ -69,7 +71,8 @@ def in_si(state: State, unit: Units) -> State:
 def parameter_units(at: Layout, unit: Units) -> Array:
     """(P,) what one unit of each unknown is in metres, radians, reading units; logarithms have none."""
     out = np.ones(at.size)
-    for part in (at.coefficient, at.longer, at.place, at.shift):
+    for part in (at.coefficient, at.longer, at.gap, at.place, at.shift):
         out[part] = unit.length
     out[at.ambient] = unit.reading
+    out[at.drift] = unit.reading / unit.time
     return out

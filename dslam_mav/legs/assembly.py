@@ -1,8 +1,7 @@
 """What was collected on a flight -> the chain of its legs (pure).
 
-Readings taken while hovering at a corner stay: setting them aside made no answer on recorded flights better.
-The path is a chain: where a leg cannot be measured the chain breaks, and the part with most legs is the
-flight.
+Readings of a hover or an overshoot on the leg's line stay; those beside it, where a corner is flown round, do not.
+The path is a chain: where a leg cannot be measured the chain breaks, and the part with most legs is the flight.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.legs.distance import Distance, Motion, Placed, place
+from dslam_mav.legs.passing import Event, settle
 from dslam_mav.legs.plan import PlanFacts
 
 Array = NDArray[np.float64]
@@ -31,19 +31,6 @@ STRAIGHT_SHARE = 0.6
 """A way over items nobody reported is a leg only if its ends are so far apart, as a share of the way."""
 
 AUTOPILOT = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A mission item passed at `time_ms`, the `index`-th event; `run` changes when numbers start again, `boot`
-    when the vehicle's clock does.
-    """
-
-    seq: int
-    time_ms: int
-    run: int
-    index: int
-    boot: int = 0
 
 
 @dataclass(slots=True)
@@ -85,10 +72,12 @@ def assemble(
 ) -> tuple[tuple[FlownLeg, ...], Counter[str]]:
     """The longest unbroken chain of legs, and what was set aside on the way to it."""
     counts: Counter[str] = Counter()
-    time_ms, value = _readings(samples)
+    time_ms, value = readings_of(samples)
     odometry = np.array(samples.odometry, dtype=np.float64).reshape(-1, 6)
     speed = np.array(samples.speed, dtype=np.float64).reshape(-1, 3)
     chains: list[list[FlownLeg]] = [[]]
+    if plan is not None:
+        events = settle(events, plan, _speeds(odometry, speed))
     ways = list(_ways(events, plan))
     for start, end in ways:
         inside = slice(*np.searchsorted(time_ms, [start.time_ms, end.time_ms]))
@@ -106,9 +95,10 @@ def assemble(
             continue
         if chains[-1] and chains[-1][-1].end_ms != start.time_ms:
             chains.append([])
+        on_line = slice(None) if placed.straight is None else placed.straight
         chains[-1].append(
-            FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m,
-                     time_ms[inside], value[inside], placed.mode)
+            FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m[on_line],
+                     time_ms[inside][on_line], value[inside][on_line], placed.mode)
         )  # fmt: skip
     legs = _choose(chains, ways, counts, planned=plan is not None)
     counts["readings used"] = sum(leg.value.size for leg in legs)
@@ -124,6 +114,14 @@ def _ways(events: Sequence[Event], plan: PlanFacts | None) -> Iterator[tuple[Eve
             yield start, end
 
 
+def _speeds(odometry: Array, speed: Array) -> Array:
+    """(N, 2) times and speeds over ground, by dead reckoning or else as told; times rise."""
+    squares = odometry[:, 4] * odometry[:, 4] + odometry[:, 5] * odometry[:, 5]
+    told = np.column_stack([odometry[:, 1], np.sqrt(squares)]) if squares.any() else speed[:, 1:]
+    _, first = np.unique(told[:, 0], return_index=True)
+    return np.asarray(told[first])
+
+
 def _motion(odometry: Array, speed: Array, start: Event, end: Event) -> Motion:
     """The samples of one way: they came between its two events, and their own times say so too."""
     o, s = (_between(samples, start, end) for samples in (odometry, speed))
@@ -132,7 +130,7 @@ def _motion(odometry: Array, speed: Array, start: Event, end: Event) -> Motion:
 
 
 def _between(samples: Array, start: Event, end: Event) -> Array:
-    arrived = (samples[:, 0] > start.index) & (samples[:, 0] <= end.index)
+    arrived = (samples[:, 0] > start.opened_at) & (samples[:, 0] <= end.index)
     timely = (samples[:, 1] >= start.time_ms) & (samples[:, 1] <= end.time_ms)
     own = samples[arrived & timely]
     _, first = np.unique(own[:, 1], return_index=True)
@@ -146,7 +144,7 @@ def _straight(placed: Placed, start: Event, end: Event) -> bool:
     return placed.length_m >= STRAIGHT_SHARE * placed.travelled_m
 
 
-def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
+def readings_of(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     """Times (N,) and values (N,) of all sensors, the mean where two have the same millisecond.
 
     What an autopilot repeats of another component's readings is left out: PX4 stamps the copies anew.
@@ -154,14 +152,18 @@ def _readings(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     senders: defaultdict[str, set[int]] = defaultdict(set)
     for name, component in samples.readings:
         senders[name].add(component)
-    values: defaultdict[int, list[float]] = defaultdict(list)
-    for (name, component), taken in sorted(samples.readings.items()):
-        if component != AUTOPILOT or senders[name] == {AUTOPILOT}:
-            for time_ms, value in taken.items():
-                values[time_ms].append(value)
-    times = sorted(values)
-    means = [sum(values[t]) / len(values[t]) for t in times]
-    return np.array(times, dtype=np.int64), np.array(means, dtype=np.float64)
+    chosen = [
+        taken
+        for (name, component), taken in sorted(samples.readings.items())
+        if component != AUTOPILOT or senders[name] == {AUTOPILOT}
+    ]
+    if not chosen:
+        return np.empty(0, np.int64), np.empty(0)
+    times = np.concatenate([np.fromiter(taken.keys(), np.int64, len(taken)) for taken in chosen])
+    values = np.concatenate([np.fromiter(taken.values(), np.float64, len(taken)) for taken in chosen])
+    order = np.argsort(times, kind="stable")
+    time_ms, first, counts = np.unique(times[order], return_index=True, return_counts=True)
+    return time_ms, np.add.reduceat(values[order], first) / counts
 
 
 def _choose(

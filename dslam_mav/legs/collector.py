@@ -10,13 +10,17 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.legs.assembly import Event, FlownLeg, Samples, assemble
+from dslam_mav.legs.assembly import FlownLeg, Samples, assemble, readings_of
 from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.distance import Distance
+from dslam_mav.legs.notes import mean_heading_rad, notes
+from dslam_mav.legs.passing import Event
 from dslam_mav.legs.plan import PlanFacts
 from dslam_mav.legs.under_way import UnderWay, part_flown
 from dslam_mav.observations import GroundSpeed, Observation, Odometry, Progress, Reading, Yaw
@@ -24,8 +28,17 @@ from dslam_mav.records import Flight, Leg
 
 Array = NDArray[np.float64]
 
+CORNER_SHARE = 1.0 / 200.0
+"""Of a leg: how far from its end the next one may begin. Optical flow drifts that far over a leg, and more."""
+
 LATE_READINGS_MS = 3_000
 """How far dead reckoning must be past a leg's end before a leg without later readings counts as complete."""
+
+SILENT_MS = 1_000
+"""An autopilot that tells no time for longer was not heard, or its telemetry is slow."""
+
+OVERTAKEN_MS = 150
+"""A packet that others have overtaken is no later than that; what is told again after it is meant."""
 
 
 class LegCollector:
@@ -50,6 +63,9 @@ class LegCollector:
         self._events: list[Event] = []
         self._run = self._boot = 0
         self._current: int | None = None
+        self._current_ms: int | None = None  # when it was last heard that the current item is still ahead
+        self._told = False  # whether the newest event was told since the newest time
+        self._fallen: tuple[int, int] | None = None  # an item before the current one, and when it was heard first
         self._newest_reading_ms = self._newest_odometry_ms = -1
         self._checked = 0
         self._lock = threading.RLock()  # a thread that estimates may ask while another adds
@@ -76,12 +92,19 @@ class LegCollector:
             self._add(observation)
             return self._complete()
 
+    def add_all(self, observations: Iterable[Observation]) -> None:
+        """Take a whole recording, in its order."""
+        with self._lock:
+            for observation in observations:
+                self._add(observation)
+            self._complete()
+
     def _add(self, observation: Observation) -> None:
         match observation:
-            case Progress():
-                self._progress(observation)
             case Reading():
                 self._reading(observation)
+            case Progress():
+                self._progress(observation)
             case Odometry():
                 self._odometry(observation)
             case GroundSpeed():
@@ -109,31 +132,14 @@ class LegCollector:
         """The flight of `legs`: see `flight_of`."""
         return flight_of(self.legs(final=final))
 
+    def readings(self) -> tuple[NDArray[np.int64], Array]:
+        """Times (N,), unwrapped ms, and values (N,) of all readings taken, on legs or not."""
+        with self._lock:
+            return readings_of(self._samples)
+
     def notes(self, legs: tuple[FlownLeg, ...]) -> tuple[str, ...]:
         """What a person should know of these legs' readings, one line each."""
-        lines = [f"{n} readings were not finite and were dropped" for n in [self.counts["not finite"]] if n]
-        if n := self.counts["off the clock"]:
-            lines.append(f"{n} readings had times that are not of the vehicle's clock and were dropped")
-        if n := self.counts["restarts"]:
-            lines.append(f"the autopilot's clock started again {n} times; the longest unbroken part is used")
-        if not self.names:
-            lines.append("no readings were heard: is the bridge or the sensor running?")
-        if missed := self._missed(legs):
-            lines.append(f"legs 1 to {missed} of the mission are missing: leg 1 here is its leg {missed + 1}")
-        for j, leg in enumerate(legs, 1):
-            if leg.value.size == 0:
-                lines.append(f"leg {j} of {len(legs)} has no readings")
-            elif leg.value.size > 1 and np.ptp(leg.value) == 0.0:
-                lines.append(f"leg {j} of {len(legs)}: all {leg.value.size} readings are {leg.value[0]:g}")
-        if n := self.legs_counts["legs lost"]:
-            lines.append(f"{n} legs could not be told apart or measured; the longest unbroken part is used")
-        return tuple(lines)
-
-    def _missed(self, legs: tuple[FlownLeg, ...]) -> int:
-        """How many of the plan's legs lie before the first one here."""
-        if self.plan is None or not legs or legs[0].start_seq not in self.plan.vertices:
-            return 0
-        return self.plan.vertices.index(legs[0].start_seq)
+        return notes(self.counts, self.legs_counts, legs, self.plan, heard=bool(self.names))
 
     def headings_rad(self, legs: tuple[FlownLeg, ...]) -> Array:
         """(L,) the vehicle's mean yaw on each leg as a direction, counter-clockwise from east; NaN where
@@ -142,28 +148,50 @@ class LegCollector:
         The turns at a leg's ends do not count: only the middle three fifths of its time.
         """
         with self._lock:
-            return np.array([_mean_heading_rad(leg, self._samples.yaw) for leg in legs])
+            return np.array([mean_heading_rad(leg, self._samples.yaw) for leg in legs])
 
     def _progress(self, progress: Progress) -> None:
         if progress.reached:
             self._passed(progress.seq, reached=True)
             return
-        before, self._current = self._current, progress.seq
+        before, since_ms = self._current, self._current_ms
+        if before is not None and progress.seq < before and not self._jumped_back(progress.seq):
+            return
+        self._current, self._current_ms, self._fallen = progress.seq, self.clock.newest_ms, None
         if before is not None and progress.seq > before:
-            self._passed(before, reached=False)  # says the same should MISSION_ITEM_REACHED be lost
+            self._passed(before, reached=False, since_ms=since_ms)  # says the same should ITEM_REACHED be lost
+            for seq in () if self.plan is None else self.plan.vertices:
+                if before < seq < progress.seq:
+                    self._passed(seq, reached=False, since_ms=since_ms, implied=True)
         elif before is not None and progress.seq < before:
             self._run += 1
 
-    def _passed(self, seq: int, *, reached: bool) -> None:
+    def _jumped_back(self, seq: int) -> bool:
+        """Whether the mission went back to an earlier item: if that is heard again a while later, and nothing else
+        between. Once is a packet that others have overtaken.
+        """
+        now_ms = self.clock.newest_ms or 0
+        if self._fallen is None:
+            self._fallen = seq, now_ms
+        return now_ms - self._fallen[1] >= OVERTAKEN_MS
+
+    def _passed(self, seq: int, *, reached: bool, since_ms: int | None = None, implied: bool = False) -> None:
         last = self._events[-1] if self._events and self._events[-1].run == self._run else None
         if last is not None and (seq == last.seq or (seq < last.seq and not reached)):
+            if reached and self.clock.newest_ms == last.time_ms:
+                self._events[-1] = replace(last, since_ms=None)  # both at once: it is passed now
             return  # PX4 repeats MISSION_ITEM_REACHED up to ten times
         if self.clock.newest_ms is None:
             self._early = seq
             return
+        if last is not None and seq < last.seq and self.clock.newest_ms - last.time_ms < OVERTAKEN_MS:
+            return
         if last is not None and seq < last.seq:
             self._run += 1
-        self._events.append(Event(seq, self.clock.newest_ms, self._run, len(self._events), self._boot))
+            self._current, self._fallen = seq, None
+        now_ms = self.clock.newest_ms
+        self._events.append(Event(seq, now_ms, self._run, len(self._events), self._boot, since_ms, implied=implied))
+        self._told = True
 
     def _reading(self, reading: Reading) -> None:
         self.names.add(reading.name)
@@ -201,7 +229,22 @@ class LegCollector:
             self._run += 1
             self._boot += 1
             self._current = None
+        if self._told and not new and time_ms > self._events[-1].time_ms:
+            self._told = False
+            self._bound(time_ms)
         return time_ms
+
+    def _bound(self, time_ms: int) -> None:
+        """The events told last were passed before this time. Told after a silence, they were so just before it."""
+        told_ms = self._events[-1].time_ms
+        for k in range(len(self._events) - 1, -1, -1):
+            event = self._events[k]
+            if event.time_ms != told_ms:
+                break
+            if time_ms - told_ms > SILENT_MS:
+                self._events[k] = replace(event, time_ms=time_ms, since_ms=event.earliest_ms)
+            elif event.since_ms is None:
+                self._events[k] = replace(event, until_ms=time_ms)
 
     def _forget(self) -> None:
         """Only readings were heard until now, and they had another clock: nothing of it has a known time."""
@@ -240,13 +283,5 @@ def flight_of(legs: tuple[FlownLeg, ...]) -> Flight:
 
 
 def _leg(leg: FlownLeg, zero_ms: int) -> Leg:
-    return Leg(leg.length_m, leg.distance_m, (leg.time_ms - zero_ms) / 1000.0, leg.value)
-
-
-def _mean_heading_rad(leg: FlownLeg, yaw: list[tuple[int, float]]) -> float:
-    margin_ms = 0.2 * (leg.end_ms - leg.start_ms)
-    inside = [r for t, r in yaw if leg.start_ms + margin_ms <= t <= leg.end_ms - margin_ms]
-    if not inside:
-        return math.nan
-    mean_rad = math.atan2(math.fsum(map(math.sin, inside)), math.fsum(map(math.cos, inside)))
-    return math.remainder(0.5 * math.pi - mean_rad, 2.0 * math.pi)
+    time_s = (leg.time_ms - zero_ms) / 1000.0
+    return Leg(leg.length_m, leg.distance_m, time_s, leg.value, corner_sd_m=CORNER_SHARE * leg.length_m)

@@ -14,6 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.legs.straight import straight_part
+
 Array = NDArray[np.float64]
 Distance = Literal["odometry", "speed", "plan"]
 
@@ -39,14 +41,16 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """A leg's believed length, `distance_m` (N,) at the times asked for, and the metres travelled altogether
-    where they are known: a leg much shorter than its way was not flown straight.
+    """A leg's believed length, `distance_m` (N,) at the times asked for, and where they are known the metres
+    travelled altogether (a leg much shorter than its way was not flown straight) and which readings (N,) its
+    straight part holds.
     """
 
     length_m: float
     distance_m: Array
     mode: Distance
     travelled_m: float | None = None
+    straight: NDArray[np.bool_] | None = None
 
 
 def place(
@@ -75,8 +79,8 @@ def place(
 
 
 def from_odometry(motion: Motion, duration_s: float, time_s: Array) -> Placed | None:
-    """Displacement since the leg's start, projected on the leg's own displacement: signed, so that overshoot,
-    hover and return come out right.
+    """Displacement since the leg's start, projected on the line its straight part was flown on: signed, so that
+    overshoot, hover and return come out right.
     """
     if not _covers(motion.time_s, duration_s):
         return None
@@ -92,7 +96,11 @@ def from_odometry(motion: Motion, duration_s: float, time_s: Array) -> Placed | 
         return Placed(0.0, np.zeros(time_s.size), "odometry")
     steps = np.diff(position, axis=0)
     travelled_m = float(np.sqrt(steps[:, 0] * steps[:, 0] + steps[:, 1] * steps[:, 1]).sum())
-    return Placed(length_m, _dot(place_m[2:] - place_m[0], chord) / length_m, "odometry", travelled_m)
+    moved = place_m[2:] - place_m[0]
+    along_m, across_m = _dot(moved, chord) / length_m, _dot(moved, chord[::-1] * [-1.0, 1.0]) / length_m
+    slope, straight = straight_part(along_m, across_m, length_m)
+    longer = float(np.sqrt(1.0 + slope * slope))
+    return Placed(length_m / longer, (along_m + slope * across_m) / longer, "odometry", travelled_m, straight)
 
 
 def from_velocity(motion: Motion, duration_s: float, time_s: Array) -> Placed | None:

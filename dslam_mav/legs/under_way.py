@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dslam_mav.legs.assembly import Event, FlownLeg, Samples, assemble
+from dslam_mav.legs.assembly import FlownLeg, Samples, assemble
 from dslam_mav.legs.distance import Distance
+from dslam_mav.legs.passing import Event
 from dslam_mav.legs.plan import PlanFacts
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 from collections.abc import Iterable
 from typing import Any, cast
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from dslam_mav.log.schemas import flight_pb2 as pb
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Gauge, Medium, Path, Sources, Truth, Verdict
+from dslam_mav.records import Estimate, Gauge, Medium, Path, Prediction, Sources, Truth, Verdict
 
 FloatArray = NDArray[np.float64]
 
@@ -25,6 +26,8 @@ _LEVELS = {  # Foxglove's (DEBUG 1 … FATAL 5) <-> Python's
     4: logging.ERROR,
     5: logging.CRITICAL,
 }
+_RANGES = ("source_error_m", "path_error_m", "source_error_aligned_m", "path_error_aligned_m")
+_PREDICTED = ("spread_m", "peak", "noise_sd", "readings_per_m", "length_m", "unidentifiable_share")
 _OPTIONAL_MEDIUM = ("diffusivity_m2_s", "spread_m", "ambient", "sensor_lag_s", "extent")
 
 
@@ -84,6 +87,27 @@ def encode_truth(truth: Truth) -> pb.Truth:
 def decode_truth(message: pb.Truth) -> Truth:
     """The truth of a `/truth` message."""
     return Truth(_numbers(message.source_position_m), np.array(message.amplitude), _numbers(message.vertices_m))
+
+
+def encode_prediction(prediction: Prediction) -> pb.Prediction:
+    """A prediction as `/prediction` holds it."""
+    fewest, most = prediction.n_sources
+    message = pb.Prediction(fewest_sources=fewest, most_sources=most, area_m=prediction.area_m)
+    for name in _PREDICTED:
+        setattr(message, name, getattr(prediction, name))
+    for name in _RANGES:
+        median_m, p90_m = getattr(prediction, name)
+        getattr(message, name).CopyFrom(pb.Range(median_m=median_m, p90_m=p90_m))
+    return message
+
+
+def decode_prediction(message: pb.Prediction) -> Prediction:
+    """The prediction of a `/prediction` message; numbers that make none are a ValueError."""
+    numbers: dict[str, Any] = {name: getattr(message, name) for name in _PREDICTED}
+    for name in _RANGES:
+        given = getattr(message, name)
+        numbers[name] = given.median_m, given.p90_m
+    return Prediction(n_sources=(message.fewest_sources, message.most_sources), area_m=tuple(message.area_m), **numbers)
 
 
 def encode_update(estimate: Estimate, legs_flown: int, final: bool) -> pb.EstimateUpdate:
@@ -169,6 +193,8 @@ def _encode_medium(medium: Medium) -> pb.Medium:
         value = getattr(medium, name)
         if value is not None:
             setattr(message, name, float(value))
+    drift = medium.ambient_drift_per_s
+    message.ambient_drift_per_s = math.nan if drift is None else float(drift)
     if isinstance(medium.activation_s, str):
         message.activation_shared = True
     elif isinstance(medium.activation_s, tuple):
@@ -186,7 +212,8 @@ def _decode_medium(message: pb.Medium) -> Medium:
         known["activation_s"] = "shared"
     if message.activations_s:
         known["activation_s"] = tuple(message.activations_s)
-    return Medium(static=message.static, dimensions=message.dimensions, **known)
+    drift = None if math.isnan(message.ambient_drift_per_s) else message.ambient_drift_per_s
+    return Medium(static=message.static, dimensions=message.dimensions, ambient_drift_per_s=drift, **known)
 
 
 def _array(values: FloatArray) -> pb.Array:

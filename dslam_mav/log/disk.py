@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -18,15 +20,21 @@ class Disk:
         self._path = path
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
         self._offset = 0
-        _sync_folder(path.parent)
+        self._whole = 0  # so many bytes are whole records
+        self._checksum = 0  # of those
+        self._held = False
+        for folder in (path.parent, path.parent.parent):  # a flight's folder is as new as its log
+            _sync_folder(folder)
 
     def write(self, data: bytes) -> int:
-        """All of `data`, or OSError."""
+        """All of `data`, whole records, or OSError."""
         rest = memoryview(data)
         while rest:
             count = os.write(self._descriptor, rest)
             self._offset += count
             rest = rest[count:]
+        if not self._held:
+            self._whole, self._checksum = self._offset, zlib.crc32(data, self._checksum)
         return len(data)
 
     def tell(self) -> int:
@@ -39,6 +47,25 @@ class Disk:
     def sync(self) -> None:
         """Everything written survives a power cut from now on."""
         os.fsync(self._descriptor)
+
+    def hold(self) -> None:
+        """What is written from now on is the file's end: without all of it, it counts for nothing."""
+        self._held = True
+
+    def end_early(self, end: Callable[[int], bytes]) -> None:
+        """After a failed write: the whole records alone, and behind them `end` of their checksum, if that fits."""
+        with contextlib.suppress(OSError):
+            self._cut()
+            try:
+                self.write(end(self._checksum))
+            except OSError:
+                self._cut()
+            self.sync()
+
+    def _cut(self) -> None:
+        os.ftruncate(self._descriptor, self._whole)
+        os.lseek(self._descriptor, self._whole, os.SEEK_SET)
+        self._held = True
 
     def close(self) -> None:
         """Close the file; a late error cannot be helped any more."""

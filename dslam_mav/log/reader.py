@@ -2,42 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.log import codec
+from dslam_mav.log.declared import Declared, is_ours
+from dslam_mav.log.recovered import Recovered, recovered_from
 from dslam_mav.log.scan import Chunk, Scan
 from dslam_mav.log.schemas import flight_pb2 as pb
-from dslam_mav.log.topics import (
-    CHANNEL_IDS,
-    ESTIMATE,
-    MISSION,
-    PRODUCER,
-    RAW,
-    TEXT,
-    THERMAL,
-    TOPICS,
-    TRUTH,
-)
+from dslam_mav.log.topics import ESTIMATE, MISSION, PREDICTION, RAW, TEXT, THERMAL, TOPICS, TRUTH
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Truth
-
-_RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+from dslam_mav.records import Estimate, Prediction, Truth
 
 _Use = Callable[[int, bytes], None]  # what to do with a message: (log time, protobuf)
 
@@ -57,8 +44,10 @@ class FlightLog:
     """All that a log holds of a flight, each in the order written; times are nanoseconds since 1970.
 
     `frames` (time, MAVLink packet), `readings` (time, reading), `progress` (time, progress), `texts` (time,
-    Python's logging level, text), `attachments` by name. `topics` counts the messages of every topic, also of
-    foreign ones. `complete`: the log was closed, and nothing in it is missing or damaged.
+    Python's logging level, text), `attachments` by name. `prediction`: what the mission was expected to see, None
+    where nobody said. `topics` counts the messages of every topic, also of foreign ones. `complete`: the log was
+    closed, and nothing in it is missing or damaged. `recovered`: what `recover` could not bring into it, where it is
+    the work of that; None where it is as it was recorded.
     """
 
     frames: tuple[tuple[int, bytes], ...]
@@ -67,10 +56,12 @@ class FlightLog:
     estimates: tuple[LoggedEstimate, ...]
     texts: tuple[tuple[int, int, str], ...]
     truth: Truth | None
+    prediction: Prediction | None
     attachments: dict[str, bytes]
     topics: dict[str, int]
     duration_s: float
     complete: bool
+    recovered: Recovered | None
 
 
 class LogInfo(TypedDict):
@@ -79,16 +70,20 @@ class LogInfo(TypedDict):
     topics: dict[str, int]
     duration_s: float
     complete: bool
+    recovered: NotRequired[Recovered]
 
 
-def read_log(path: Path) -> FlightLog:
-    """The whole log; BadInputError in one line for what cannot be read or is no MCAP file."""
+def read_log(path: Path, topics: Container[str] = tuple(TOPICS)) -> FlightLog:
+    """The log with the messages of `topics` (all are counted); BadInputError in one line for what cannot be read or is
+    no MCAP file.
+    """
     frames: list[tuple[int, bytes]] = []
     readings: list[tuple[int, Reading]] = []
     progress: list[tuple[int, Progress]] = []
     estimates: list[LoggedEstimate] = []
     texts: list[tuple[int, int, str]] = []
     truth: list[Truth] = []
+    predictions: list[Prediction] = []
     raw_frame, thermal, mission = (
         pb.RawFrame.FromString,
         pb.ThermalReading.FromString,
@@ -100,16 +95,16 @@ def read_log(path: Path) -> FlightLog:
         estimate = codec.decode_estimate(update.estimate)
         estimates.append(LoggedEstimate(time_ns, update.legs_flown, update.final, estimate))
 
-    contents = _Contents(
-        {
-            RAW: lambda time_ns, data: frames.append((time_ns, raw_frame(data).raw)),
-            THERMAL: lambda time_ns, data: readings.append((time_ns, codec.decode_reading(thermal(data)))),
-            MISSION: lambda time_ns, data: progress.append((time_ns, codec.decode_progress(mission(data)))),
-            ESTIMATE: use_estimate,
-            TEXT: lambda time_ns, data: texts.append((time_ns, *codec.decode_text(Log.FromString(data)))),
-            TRUTH: lambda _, data: truth.append(codec.decode_truth(pb.Truth.FromString(data))),
-        }
-    )
+    uses: dict[str, _Use] = {
+        RAW: lambda time_ns, data: frames.append((time_ns, raw_frame(data).raw)),
+        THERMAL: lambda time_ns, data: readings.append((time_ns, codec.decode_reading(thermal(data)))),
+        MISSION: lambda time_ns, data: progress.append((time_ns, codec.decode_progress(mission(data)))),
+        ESTIMATE: use_estimate,
+        TEXT: lambda time_ns, data: texts.append((time_ns, *codec.decode_text(Log.FromString(data)))),
+        TRUTH: lambda _, data: truth.append(codec.decode_truth(pb.Truth.FromString(data))),
+        PREDICTION: lambda _, data: predictions.append(codec.decode_prediction(pb.Prediction.FromString(data))),
+    }
+    contents = _Contents({topic: use for topic, use in uses.items() if topic in topics})
     info = contents.read(path)
     return FlightLog(
         frames=tuple(frames),
@@ -118,8 +113,12 @@ def read_log(path: Path) -> FlightLog:
         estimates=tuple(estimates),
         texts=tuple(texts),
         truth=truth[-1] if truth else None,
+        prediction=predictions[0] if predictions else None,
         attachments=contents.attachments,
-        **info,
+        topics=info["topics"],
+        duration_s=info["duration_s"],
+        complete=info["complete"],
+        recovered=info.get("recovered"),
     )
 
 
@@ -134,8 +133,8 @@ class _Contents:
     def __init__(self, uses: Mapping[str, _Use]) -> None:
         self.attachments: dict[str, bytes] = {}
         self._uses = uses
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
+        self._declared = Declared(None, ours=False)
+        self._recovered: Recovered | None = None
         self._use: dict[int, _Use | None] = {}  # by channel
         self._counts: Counter[int] = Counter()
         self._first_ns: int | None = None
@@ -143,96 +142,78 @@ class _Contents:
         self._unreadable = 0
 
     def read(self, path: Path) -> LogInfo:
-        scan = Scan(_bytes_of(Path(path)))
+        data = _log_bytes(Path(path))
+        scan = Scan(data)
+        self._declared = Declared(scan.summary, ours=is_ours(scan.library, data))
         for piece in scan:
             if isinstance(piece, Attachment):
                 self.attachments[piece.name] = piece.data
-                continue
-            try:
-                self._chunk(piece, ours=scan.library.startswith(PRODUCER))
-            except (struct.error, ValueError, McapError):
-                self._unreadable += 1
-        topics: Counter[str] = Counter()
-        for channel, count in sorted(self._counts.items()):
-            topics[self._channels[channel].topic] += count
-        return LogInfo(
-            topics=dict(topics),
+            elif isinstance(piece, Metadata):
+                self._recovered = recovered_from(piece) or self._recovered
+            else:
+                self._chunk(piece)
+        info = LogInfo(
+            topics=self._topics(),
             duration_s=0.0 if self._first_ns is None else (self._last_ns - self._first_ns) / 1e9,
             complete=scan.complete and not self._unreadable,
         )
+        if self._recovered is not None:
+            info["recovered"] = self._recovered
+        return info
 
-    def _chunk(self, chunk: Chunk, *, ours: bool) -> None:
+    def _topics(self) -> dict[str, int]:
+        topics: Counter[str] = Counter()
+        for channel, count in sorted(self._counts.items()):
+            topics[self._declared.channel(channel)[0].topic] += count
+        return dict(topics)
+
+    def _chunk(self, chunk: Chunk) -> None:
         counts, use = self._counts, self._use
-        for channel, time_ns, data in self._messages(chunk.records):
-            if channel not in use:
-                self._learn(channel, ours=ours)
-            counts[channel] += 1
-            if self._first_ns is None or time_ns < self._first_ns:
-                self._first_ns = time_ns
-            self._last_ns = max(self._last_ns, time_ns)
-            do = use[channel]
-            if do is not None:
-                try:
-                    do(time_ns, data)
-                except (
-                    DecodeError,
-                    ValueError,
-                    TypeError,
-                    RecursionError,
-                ):  # whole, but not what the topic promises
-                    self._unreadable += 1
+        try:
+            for channel, _, time_ns, _, data in self._declared.messages(chunk.records):
+                if channel not in use:
+                    use[channel] = self._use_of(*self._declared.channel(channel))
+                counts[channel] += 1
+                if self._first_ns is None or time_ns < self._first_ns:
+                    self._first_ns = time_ns
+                self._last_ns = max(self._last_ns, time_ns)
+                do = use[channel]
+                if do is not None:
+                    self._decode(do, time_ns, data)
+        except (struct.error, ValueError, McapError):
+            self._unreadable += 1
 
-    def _messages(self, records: bytes) -> Iterator[tuple[int, int, bytes]]:
-        """(channel, log time, protobuf) of a chunk's messages; schemas and channels are kept on the way."""
-        at, unpack = 0, _MESSAGE.unpack_from
-        while at < len(records):
-            opcode, length = _RECORD.unpack_from(records, at)
-            end = at + _RECORD.size + length
-            if end > len(records):
-                raise ValueError("a record ends behind its chunk")
-            if opcode == Opcode.MESSAGE:
-                _, _, channel, _, time_ns, _ = unpack(records, at)
-                yield channel, time_ns, records[at + _MESSAGE.size : end]
-            elif opcode == Opcode.SCHEMA:
-                schema = Schema.read(_stream(records, at, end))
-                self._schemas[schema.id] = schema
-            elif opcode == Opcode.CHANNEL:
-                declared = Channel.read(_stream(records, at, end))
-                self._channels[declared.id] = declared
-            at = end
+    def _decode(self, do: _Use, time_ns: int, data: bytes) -> None:
+        try:
+            do(time_ns, data)
+        except (DecodeError, ValueError, TypeError, RecursionError):  # whole, but not what the topic promises
+            self._unreadable += 1
 
-    def _learn(self, channel: int, *, ours: bool) -> None:
-        """Who uses a channel's messages: as the log declares or, where that is lost, by our own order."""
-        declared = self._channels.get(channel)
-        if declared is None:
-            topic = next((t for t, n in CHANNEL_IDS.items() if n == channel), None) if ours else None
-            if topic is None:
-                raise ValueError("a message of an unknown channel")
-            self._channels[channel] = Channel(channel, topic, "protobuf", {}, 0)
-            self._use[channel] = self._uses.get(topic)
-            return
-        schema = self._schemas.get(declared.schema_id)
-        kind = TOPICS.get(declared.topic)
+    def _use_of(self, channel: Channel, schema: Schema | None) -> _Use | None:
+        """Who uses a channel's messages: one of ours by topic, encoding and schema."""
+        kind = TOPICS.get(channel.topic)
         as_ours = kind is not None and schema is not None and schema.name == kind.DESCRIPTOR.full_name
-        protobuf = declared.message_encoding == "protobuf"
-        self._use[channel] = self._uses.get(declared.topic) if as_ours and protobuf else None
+        return self._uses.get(channel.topic) if as_ours and channel.message_encoding == "protobuf" else None
 
 
-def _stream(records: bytes, at: int, end: int) -> ReadDataStream:
-    return ReadDataStream(BytesIO(records[at + _RECORD.size : end]))
-
-
-def _bytes_of(path: Path) -> bytes:
-    """The file's bytes; BadInputError where it cannot be read, or does not begin as MCAP does."""
+def file_bytes(path: Path) -> bytes:
+    """A file's bytes; BadInputError in one line where it cannot be read."""
     try:
         if path.exists() and not path.is_file():
             raise BadInputError(f"{path}: is no file; expected an MCAP log")
-        with path.open("rb") as file:
-            magic = file.read(len(MAGIC))
-            if magic != MAGIC:
-                seen = f"it begins with {magic!r}" if magic else "it is empty"
-                raise BadInputError(f"{path}: is no MCAP log, {seen}; expected {MAGIC!r}")
-            return magic + file.read()
+        return path.read_bytes()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise BadInputError(f"{path}: cannot be read: {reason}") from None
+
+
+def _log_bytes(path: Path) -> bytes:
+    """The bytes of a file that begins as MCAP does; BadInputError for any other, before it is read as a whole."""
+    with contextlib.suppress(OSError, ValueError):  # file_bytes says what is wrong
+        if path.is_file():
+            with path.open("rb") as file:
+                magic = file.read(len(MAGIC))
+            if magic != MAGIC:
+                seen = f"it begins with {magic!r}" if magic else "it is empty"
+                raise BadInputError(f"{path}: is no MCAP log, {seen}; expected {MAGIC!r}")
+    return file_bytes(path)

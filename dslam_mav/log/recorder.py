@@ -25,10 +25,12 @@ from dslam_mav.log import codec
 from dslam_mav.log.disk import Disk
 from dslam_mav.log.packets import encode_frame
 from dslam_mav.log.pictures import pictures
+from dslam_mav.log.summary import early_end
 from dslam_mav.log.topics import (
     CHANNEL_IDS,
     ESTIMATE,
     MISSION,
+    PREDICTION,
     PRODUCER,
     RAW,
     TEXT,
@@ -37,10 +39,10 @@ from dslam_mav.log.topics import (
     TRUTH,
 )
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Truth
+from dslam_mav.records import Estimate, Prediction, Truth
 
 _SYNC_PERIOD_S = 0.5  # half of what may be lost, the other half is for a slow disk
-_CHUNK_BYTES = 64 * 1024  # what one damaged byte can cost
+CHUNK_BYTES = 64 * 1024  # what one damaged byte can cost
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +64,9 @@ class Recorder:
     """One log, from its creation to `close` (or the end of a `with` block). Any thread may call any method.
 
     The file must not exist yet: a log is never overwritten. Times are nanoseconds since 1970, given by the
-    caller. If writing fails (a full disk), the next call raises one LogError, what was written before stays
-    readable, and every call after it does nothing. Without `close` the log is finished when the main thread
-    ends.
+    caller. If writing fails (a full disk), the next call raises one LogError, and every call after it does nothing;
+    what was written before stays, closed without an index, which `recover` adds. Without `close` the log is
+    finished when the main thread ends.
     """
 
     def __init__(self, path: Path) -> None:
@@ -114,6 +116,10 @@ class Recorder:
     def truth(self, received_ns: int, truth: Truth) -> None:
         """The truth of the flight, where somebody knows it."""
         self._put(received_ns, TRUTH, codec.encode_truth(truth))
+
+    def prediction(self, received_ns: int, prediction: Prediction) -> None:
+        """What the mission is expected to see, as far as is known before it is flown."""
+        self._put(received_ns, PREDICTION, codec.encode_prediction(prediction))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """A whole file: the plan, the configuration, the scene."""
@@ -172,7 +178,7 @@ class Recorder:
         try:
             writer = Writer(
                 cast(IO[Any], disk),
-                chunk_size=_CHUNK_BYTES,
+                chunk_size=CHUNK_BYTES,
                 compression=CompressionType.ZSTD,
                 enable_data_crcs=True,
             )
@@ -204,12 +210,15 @@ class Recorder:
             with self._lock:
                 self._closed = True
             self._write_queue()
+            self._writer.flush()
+            self._disk.hold()
             self._writer.finish()
             self._disk.sync()
         except Exception as error:  # told to the next caller: nobody sees this thread
             with self._lock:
                 self._failure = error
                 self._queue.clear()
+            self._disk.end_early(early_end)
         finally:
             self._disk.close()
 

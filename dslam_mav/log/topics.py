@@ -9,9 +9,17 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import Message
 
-from dslam_mav.log.schemas.flight_pb2 import EstimateUpdate, MissionProgress, RawFrame, ThermalReading, Truth
+from dslam_mav.log.schemas.flight_pb2 import (
+    EstimateUpdate,
+    MissionProgress,
+    Prediction,
+    RawFrame,
+    ThermalReading,
+    Truth,
+)
 
 PRODUCER = "dslam-mav"  # the MCAP header's library begins so
+RECOVERED = "dslam-mav/recovered"  # the name of the metadata that `recover` adds
 
 RAW = "/mavlink/raw"
 THERMAL = "/thermal"
@@ -23,6 +31,7 @@ PATH = "/path"
 SCENE = "/scene"
 FIELD = "/field"
 FIELD_POINTS = "/field_points"
+PREDICTION = "/prediction"
 
 # A topic's channel is its place here, counted from 1: append only. Where the chunk that declares the channels
 # is destroyed, the reader still knows by this what the other chunks hold.
@@ -37,5 +46,6 @@ TOPICS: dict[str, type[Message]] = {
     SCENE: SceneUpdate,
     FIELD: Grid,
     FIELD_POINTS: PointCloud,
+    PREDICTION: Prediction,
 }
 CHANNEL_IDS = {topic: number for number, topic in enumerate(TOPICS, start=1)}

@@ -11,6 +11,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as dialect
 
+from dslam_mav.mav.signing import Signing, Verifier
+
 COMPONENT_AUTOPILOT = 1
 COMPONENT_BRIDGE = 158
 COMPONENT_GROUND = 190
@@ -39,11 +41,22 @@ def messages() -> Any:
     return dialect
 
 
-class Parser:
-    """A stream of bytes in, frames out; what is no packet is skipped and counted in `bad_bytes`."""
+def heartbeat(component: int) -> Any:
+    """The HEARTBEAT of a ground station, or of a component on board."""
+    dialect = messages()
+    kind = dialect.MAV_TYPE_GCS if component == COMPONENT_GROUND else dialect.MAV_TYPE_ONBOARD_CONTROLLER
+    return dialect.MAVLink_heartbeat_message(kind, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
 
-    def __init__(self) -> None:
+
+class Parser:
+    """A stream of bytes in, frames out; what is no packet is skipped and counted in `bad_bytes`.
+
+    With a `verifier` a packet that it does not accept is dropped, and counted there.
+    """
+
+    def __init__(self, verifier: Verifier | None = None) -> None:
         self.bad_bytes = 0
+        self._verifier = verifier
         self._buffer = bytearray()
 
     def feed(self, data: bytes, received_ns: int) -> list[Frame]:
@@ -63,22 +76,29 @@ class Parser:
                 self.bad_bytes += 1
                 at += 1
             else:
-                frames.append(frame)
+                if self._verifier is None or self._verifier.accepts(frame.raw):
+                    frames.append(frame)
                 at += length
         del self._buffer[:at]
         return frames
 
 
 class Encoder:
-    """Packs messages as one sender, with its own sequence counter."""
+    """Packs messages as one sender, with its own sequence counter; signed if `signing` is given."""
 
-    def __init__(self, system: int, component: int) -> None:
+    def __init__(self, system: int, component: int, signing: Signing | None = None) -> None:
         self.system = system
         self.component = component
         self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._signing = signing
+        if signing is not None:
+            self._mav.signing.secret_key = signing.key
+            self._mav.signing.sign_outgoing = True
 
     def pack(self, message: Any) -> bytes:
         """The packet's bytes; a field that does not fit its type is a struct.error (the caller's mistake)."""
+        if self._signing is not None:
+            self._mav.signing.timestamp = self._signing.next_timestamp()
         raw: bytes = message.pack(self._mav)
         self._mav.seq = (self._mav.seq + 1) % 256
         return raw

@@ -17,7 +17,10 @@ from types import TracebackType
 from typing import Any, Self
 
 from dslam_mav.errors import LinkError
-from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, COMPONENT_GROUND, Encoder, Frame, Parser, messages
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Encoder, Frame, Parser, heartbeat, messages
+from dslam_mav.mav.ports import Port
+from dslam_mav.mav.profile import Profile
+from dslam_mav.mav.signing import Signing, Verifier, refusals_in_words
 from dslam_mav.mav.sockets import connected_socket, listening_socket, serial_descriptor
 from dslam_mav.mav.url import parse_url
 
@@ -36,9 +39,11 @@ class Link:
     `send` may be called from any thread, `receive` from one. `system` may be set once the vehicle's is known.
     A `udpin` link sends to everybody it has heard; what is sent before that is lost, as on a radio.
     `autopilots` is what `wait_for_vehicle` learnt: vehicle's system id -> (MAV_AUTOPILOT, MAV_TYPE).
+    `profile` is how the pilot says it behaves; None: as its HEARTBEAT says.
+    With `signing` all that is sent is signed, and nothing else is heard than what is signed with the same key.
     """
 
-    def __init__(self, url: str, *, system: int, component: int) -> None:
+    def __init__(self, url: str, *, system: int, component: int, signing: Signing | None = None) -> None:
         parsed = parse_url(url)
         self._stream = parsed.kind in ("tcp", "serial")
         self._sock: socket.socket | None = None
@@ -54,7 +59,10 @@ class Link:
             self.url = str(parsed)
         self.component = component
         self.autopilots: dict[int, tuple[int, int]] = {}
-        self._encoder = Encoder(system, component)
+        self.profile: Profile | None = None
+        self._signing = signing
+        self._verifier = None if signing is None else Verifier(signing)
+        self._encoder = Encoder(system, component, signing)
         self._lock = threading.Lock()
         self._peers: dict[Address, float] = {}
         self._parsers: dict[Address, Parser] = {}
@@ -74,12 +82,17 @@ class Link:
     @system.setter
     def system(self, value: int) -> None:
         with self._lock:
-            self._encoder = Encoder(value, self.component)
+            self._encoder = Encoder(value, self.component, self._signing)
 
     @property
     def bad_bytes(self) -> int:
         """Bytes received that were no MAVLink 2 packet."""
         return self._dropped_bad_bytes + sum(parser.bad_bytes for parser in self._parsers.values())
+
+    @property
+    def refusals(self) -> str:
+        """What was refused for its signature, to be put behind a sentence; "" if nothing was."""
+        return "" if self._verifier is None else refusals_in_words(self._verifier.refused)
 
     def send(self, message: Any) -> None:
         """Pack as (system, component) and send; LinkError if the connection is gone."""
@@ -87,20 +100,14 @@ class Link:
             raw = self._encoder.pack(message)
             self._write(raw)
 
+    def send_packed(self, raw: bytes) -> None:
+        """Send a packet that somebody else packed; LinkError if the connection is gone."""
+        with self._lock:
+            self._write(raw)
+
     def send_heartbeat(self) -> None:
         """This end's HEARTBEAT, due once a second: vehicles forward only to those they have heard."""
-        dialect = messages()
-        ground = self.component == COMPONENT_GROUND
-        self.send(
-            dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_GCS if ground else dialect.MAV_TYPE_ONBOARD_CONTROLLER,
-                dialect.MAV_AUTOPILOT_INVALID,
-                0,
-                0,
-                dialect.MAV_STATE_ACTIVE,
-                3,
-            )
-        )
+        self.send(heartbeat(self.component))
 
     def receive(self, timeout_s: float) -> Frame | None:
         """The next frame, oldest first; None after `timeout_s`; LinkError once a TCP or serial end left."""
@@ -146,8 +153,11 @@ class Link:
         if parser is None:
             if len(self._parsers) >= _MAX_PEERS:
                 self._dropped_bad_bytes += self._parsers.pop(next(iter(self._parsers))).bad_bytes
-            parser = self._parsers[address] = Parser()
-        self._frames.extend(parser.feed(data, received_ns))
+            parser = self._parsers[address] = Parser(self._verifier)
+        frames = parser.feed(data, received_ns)
+        if frames and self._listens and self._verifier is not None:
+            self._remember(address)  # whoever holds no key is not sent to either
+        self._frames.extend(frames)
 
     def _write(self, raw: bytes) -> None:
         if self._descriptor < 0:
@@ -178,7 +188,7 @@ class Link:
                 continue
             except OSError:
                 address, data = None, _CLOSED
-            if self._listens:
+            if self._listens and self._verifier is None:
                 self._remember(address)
             self._chunks.put((address, data, time.time_ns()))
             if self._stream and data == _CLOSED:
@@ -199,7 +209,7 @@ class Link:
         self._peers[address] = time.monotonic()
 
 
-def wait_for_vehicle(link: Link, timeout_s: float) -> int:
+def wait_for_vehicle(link: Port, timeout_s: float) -> int:
     """The system id of the first autopilot heard (HEARTBEAT from component 1, no ground station).
 
     Sends our own HEARTBEAT meanwhile. Frames before it are dropped. LinkError after `timeout_s`.
@@ -223,7 +233,7 @@ def wait_for_vehicle(link: Link, timeout_s: float) -> int:
             system = int(message.get_srcSystem())
             link.autopilots[system] = (int(message.autopilot), int(message.type))
             return system
-    raise LinkError(f"no vehicle answered on {link.url} within {timeout_s:g} s")
+    raise LinkError(f"no vehicle answered on {link.url} within {timeout_s:g} s{link.refusals}")
 
 
 def _write_all(descriptor: int, raw: bytes) -> None:

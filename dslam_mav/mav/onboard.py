@@ -18,9 +18,9 @@ from dslam_mav.errors import DslamError, LinkError, LogError, MissionError
 from dslam_mav.legs import FlownLeg, LegCollector, flight_of
 from dslam_mav.mav import results
 from dslam_mav.mav.decode import decode
-from dslam_mav.mav.frames import Frame
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame
 from dslam_mav.mav.ports import FlightRecorder, OnboardLink
-from dslam_mav.mav.streams import stream_requests
+from dslam_mav.mav.streams import ONBOARD_US, YAW_US, StreamRequests
 from dslam_mav.mav.watch import FlightWatch
 from dslam_mav.observations import Observation, Progress, Reading
 from dslam_mav.records import Estimate, Flight
@@ -31,8 +31,6 @@ Estimator = Callable[[Flight, Legs], Estimate]
 HEARTBEAT_S = 1.0
 MIN_LEGS = 3
 """With fewer legs an estimate under way has nothing to say; the last one says so itself."""
-
-_ASK_AFTER_S = 2.0  # an autopilot that streams unasked is left alone
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +48,7 @@ class Onboard:
     """One flight's loop; `run` once. `result` is the last estimate, also after `run` raised a LinkError.
 
     `link` sends as (vehicle's system, 191). With `yaw` ATTITUDE.yaw is collected. `lost_s`, `quiet_s`: see
-    `FlightWatch`.
+    `FlightWatch`; `ask_after_s`: how long a stream may be missing before the vehicle is asked for it.
     """
 
     def __init__(
@@ -65,6 +63,7 @@ class Onboard:
         yaw: bool = False,
         lost_s: float = 5.0,
         quiet_s: float = 1.0,
+        ask_after_s: float = 2.0,
     ) -> None:
         self.result: Estimate | None = None
         self.collector = collector
@@ -79,7 +78,9 @@ class Onboard:
         self._worker: ThreadPoolExecutor | None = None
         self._running: tuple[int, Future[Estimate]] | None = None
         self._waiting: Legs | None = None
-        self._beat_s = self._asked_s = -1e9
+        self._ask_after_s = ask_after_s
+        self._streams: StreamRequests | None = None
+        self._beat_s = -1e9
         self._legs_flown = 0
         self._progress: Progress | None = None
         self._text_id = 0
@@ -91,8 +92,10 @@ class Onboard:
         the mission ends before it begins. What the last estimate raises is raised only where nothing went wrong
         before.
         """
-        self._asked_s = time.monotonic()
-        watch = FlightWatch(self._system, self._asked_s, lost_s=self._lost_s, quiet_s=self._quiet_s)
+        now_s = time.monotonic()
+        wanted_us = ONBOARD_US | (YAW_US if self._yaw else {})
+        self._streams = StreamRequests(self._system, wanted_us, now_s, ask_after_s=self._ask_after_s)
+        watch = FlightWatch(self._system, now_s, lost_s=self._lost_s, quiet_s=self._quiet_s)
         with ThreadPoolExecutor(max_workers=1, thread_name_prefix="estimate") as self._worker:
             problem = self._follow(watch, stop)
             failure = self._try_to_finish()
@@ -111,6 +114,7 @@ class Onboard:
             frame, broken = self._exchange(now_s)
             if frame is not None:
                 watch.see(frame, now_s)
+                self._see(frame, now_s)
                 self._take(frame)
             elif broken is not None:
                 return None if watch.ended else LinkError(f"{broken}, after {self._legs()} flown")
@@ -139,10 +143,13 @@ class Onboard:
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._beat_s = now_s
             self._link.send_heartbeat()
-        if self.collector.silent and now_s - self._asked_s >= _ASK_AFTER_S:
-            self._asked_s = now_s
-            for request in stream_requests(self._system, yaw=self._yaw):
-                self._link.send(request)
+        for request in self._streams.due(now_s) if self._streams is not None else ():
+            self._link.send(request)
+
+    def _see(self, frame: Frame, now_s: float) -> None:
+        source = frame.message.get_srcSystem(), frame.message.get_srcComponent()
+        if self._streams is not None and source == (self._system, COMPONENT_AUTOPILOT):
+            self._streams.see(frame.message, now_s)
 
     def _take(self, frame: Frame) -> None:
         self._recorder.frame(frame.received_ns, frame.raw)

@@ -6,7 +6,7 @@ Real ones hold thousands of corrupt bytes and several systems; old ones MAVLink 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from dslam_mav.errors import BadInputError
@@ -58,6 +58,11 @@ class Tlog:
 def read_tlog(path: Path) -> Tlog:
     """The tlog at `path`, to iterate over."""
     return Tlog(path)
+
+
+def tlog_bytes(packets: Iterable[tuple[int, bytes]]) -> bytes:
+    """A tlog of packets, each with its nanoseconds since 1970; a tlog keeps whole microseconds of them."""
+    return b"".join((time_ns // 1000).to_bytes(_STAMP_BYTES, "big") + raw for time_ns, raw in packets)
 
 
 def _packet(data: bytes, at: int) -> bytes | None:

@@ -12,7 +12,11 @@ from dslam_mav.records.arrays import Array, finite, number, read_only
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """One straight leg: `reading` (N,) taken at `distance_m` (N,) along its line, at `time_s` (N,)."""
+    """One straight leg: `reading` (N,) taken at `distance_m` (N,) along its line, at `time_s` (N,).
+
+    `corner_sd_m`: how far the next leg's line may begin from where this one's ends, a standard deviation along each
+    axis (drift of the dead reckoning, corners flown round). Corners count as exact where they leave no more than noise.
+    """
 
     length_m: float
     distance_m: Array
@@ -20,6 +24,7 @@ class Leg:
     reading: Array
     length_sd_m: float = 0.0
     rise_m: float | None = None
+    corner_sd_m: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("distance_m", "time_s", "reading"):
@@ -34,8 +39,9 @@ class Leg:
         length = number(self.length_m, "length_m", "a positive length")
         if length <= 0.0:
             raise ValueError(f"length_m: expected a positive length, got {self.length_m}")
-        if number(self.length_sd_m, "length_sd_m", "0 or more") < 0.0:
-            raise ValueError(f"length_sd_m: expected 0 or more, got {self.length_sd_m}")
+        for name in ("length_sd_m", "corner_sd_m"):
+            if number(getattr(self, name), name, "0 or more") < 0.0:
+                raise ValueError(f"{name}: expected 0 or more, got {getattr(self, name)}")
         wanted = f"at most the leg's length {length}"
         if self.rise_m is not None and abs(number(self.rise_m, "rise_m", wanted)) > length:
             raise ValueError(f"rise_m: expected {wanted}, got {self.rise_m}")

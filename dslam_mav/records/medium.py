@@ -18,7 +18,8 @@ class Medium:
     reading. `activation_s`: a number for all sources, K numbers in any order (each source is given the one that suits
     it), "shared" for one unknown common to all, or None for one unknown each; in a static field with neither μ nor
     `spread_m` given, None and "shared" both mean one unknown spread. `extent`: the sources' shape κ (theory, section
-    10), 0 for point releases; None frees it where the readings do not fit point releases.
+    10), 0 for point releases; None frees it where the readings do not fit point releases. `ambient` is the level at the
+    flight's first reading, which `ambient_drift_per_s` (of a sensor that warms up or cools) changes from there on.
     """
 
     diffusivity_m2_s: float | None = None
@@ -29,13 +30,14 @@ class Medium:
     dimensions: int = 2
     sensor_lag_s: float | None = 0.0
     extent: float | None = None
+    ambient_drift_per_s: float | None = 0.0
 
     def __post_init__(self) -> None:
         for name in ("diffusivity_m2_s", "spread_m"):
             value, wanted = getattr(self, name), "a positive number or None"
             if value is not None and number(value, name, wanted) <= 0.0:
                 raise ValueError(f"{name}: expected {wanted}, got {value}")
-        for name in ("ambient", "extent"):
+        for name in ("ambient", "extent", "ambient_drift_per_s"):
             value = getattr(self, name)
             if value is not None:
                 number(value, name, "a finite number or None")

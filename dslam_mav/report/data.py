@@ -9,10 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.dslam.growth import Growth, growth
 from dslam_mav.dslam.scoring import Score, has_positions, score, truth_in_gauge
 from dslam_mav.records import Estimate, Flight, Truth
 from dslam_mav.report import rows, words
 from dslam_mav.report.field_map import FieldMap, common_window, field_map
+from dslam_mav.report.foreseen import Background, Foreseen, foreseen, realised
+from dslam_mav.report.growth_plot import GrowthPlot, growth_plot
 from dslam_mav.report.leg_plots import LegPlots, leg_plots
 from dslam_mav.report.numbers import count, significant
 
@@ -29,6 +32,7 @@ class ReportData:
     title: str
     facts: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
+    background: Background | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,8 @@ class Page:
     axes: tuple[str, ...]
     has_truth: bool
     solutions: tuple[Solution, ...]
+    foreseen: Foreseen | None
+    growth: GrowthPlot | None
     readings: LegPlots | None
     noise_sd: str
     alternatives: tuple[rows.AlternativeRow, ...]
@@ -83,6 +89,7 @@ def page_of(data: ReportData) -> Page:
     estimate, truth = data.estimate, data.truth
     result = score(estimate, truth) if truth is not None else None
     anchored = estimate.gauge == "anchored"
+    background, grown = data.background, _grown(data)
     return Page(
         title=data.title,
         tone=words.TONES[estimate.verdict],
@@ -98,12 +105,21 @@ def page_of(data: ReportData) -> Page:
         axes=rows.axis_names(estimate),
         has_truth=result is not None,
         solutions=_solutions(data),
+        foreseen=None if background is None else foreseen(background, realised(estimate, result, grown)),
+        growth=growth_plot(grown, estimate, () if background is None else background.under_way),
         readings=leg_plots(data.flight, estimate),
         noise_sd=significant(estimate.noise_sd, 2),
         alternatives=rows.alternative_rows(estimate) if has_positions(estimate) else (),
         fit=rows.fit_rows(estimate),
         facts=tuple((_capital(str(name)), str(value)) for name, value in data.facts.items()),
     )
+
+
+def _grown(data: ReportData) -> Growth | None:
+    background = data.background
+    if background is None:
+        return None
+    return growth(data.flight, data.estimate, background.medium, background.heading_sd_rad)
 
 
 def _solutions(data: ReportData) -> tuple[Solution, ...]:

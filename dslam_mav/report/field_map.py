@@ -48,6 +48,7 @@ class FieldMap:
     x_title: str
     y_title: str
     path: str
+    legs: tuple[str, ...]
     arrows: tuple[tuple[float, float, float], ...]
     leg_numbers: tuple[tuple[float, float, int], ...]
     sources: tuple[Mark, ...]
@@ -93,6 +94,7 @@ def field_map(estimate: Estimate, truth: Truth | None, window: geo.Window) -> Fi
         x_title="east of home (m)" if anchored else "x (m), along leg 1",
         y_title="north of home (m)" if anchored else "y (m)",
         path=geo.svg_path(vertices),
+        legs=tuple(geo.svg_path(vertices[j : j + 2]) for j in range(len(vertices) - 1)),
         arrows=_arrows(vertices),
         leg_numbers=tuple((float(x), float(y), j + 1) for j, (x, y) in enumerate(numbers)),
         sources=_marks(estimate, window, vertices, true_path, numbers),

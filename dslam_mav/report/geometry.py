@@ -126,14 +126,13 @@ def distance_to_segments(point: Array, polyline: Array) -> float:
 
 def place_leg_numbers(vertices: Array, keep_clear: Array, room: float) -> Array:
     """(L, 2) places of the legs' numbers: near its start, clear of `keep_clear` and of one another."""
-    taken: list[Array] = list(keep_clear)
-    places = []
-    for start, end in pairwise(vertices):
-        candidates = [start + share * (end - start) for share in (0.16, 0.24, 0.32, 0.42, 0.1, 0.6, 0.75)]
-        place = max(candidates, key=lambda c: min(room, _nearest(c, taken)))
-        taken.append(place)
-        places.append(place)
-    return np.array(places).reshape(-1, 2)
+    taken = np.concatenate([keep_clear, np.full((max(len(vertices) - 1, 0), 2), np.inf)])
+    share = np.array([0.16, 0.24, 0.32, 0.42, 0.1, 0.6, 0.75])[:, None]
+    for j, (start, end) in enumerate(pairwise(vertices), start=len(keep_clear)):
+        candidates = start + share * (end - start)
+        nearest = np.sqrt(((candidates[:, None] - taken[:j]) ** 2).sum(axis=2).min(axis=1, initial=np.inf))
+        taken[j] = candidates[int(np.argmax(np.minimum(room, nearest)))]
+    return np.asarray(taken[len(keep_clear) :])
 
 
 def place_labels(
@@ -165,4 +164,6 @@ def place_labels(
 
 
 def _nearest(point: Array, others: Sequence[Array]) -> float:
-    return min((float(np.hypot(*(point - other))) for other in others), default=np.inf)
+    if not len(others):
+        return float("inf")
+    return float(np.sqrt(((np.asarray(others) - point) ** 2).sum(axis=1).min()))

@@ -1,14 +1,16 @@
-"""Rendering: one self-contained HTML page. Everything is inline, and the page forbids itself the network."""
+"""Rendering: self-contained HTML pages. Everything is inline, and a page forbids itself the network."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dslam_mav.report import colours, leg_plots
+from dslam_mav.report.compare import Flown, comparison
 from dslam_mav.report.data import ReportData, page_of
 
 if TYPE_CHECKING:
@@ -19,20 +21,26 @@ _HERE = Path(__file__).parent
 
 def render(data: ReportData) -> str:
     """The report of one flight as HTML: no file, no network, no clock; works without scripts, prints well."""
-    script = _asset("report.js")
-    return (
-        _environment()
-        .get_template("report.html.jinja")
-        .render(
-            page=page_of(data),
-            style=_asset("report.css"),
-            script=script,
-            # Only this very script may run, should a hostile text ever get past the escaping.
-            script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
-            colour_bar=colours.colour_bar_uri(),
-            panel_width=leg_plots.WIDTH,
-        )
+    return _rendered(
+        "report",
+        _asset("report.css"),
+        page=page_of(data),
+        colour_bar=colours.colour_bar_uri(),
+        panel_width=leg_plots.WIDTH,
     )
+
+
+def render_comparison(flights: Sequence[Flown], title: str) -> str:
+    """The page of many flights, as self-contained."""
+    return _rendered("comparison", _asset("report.css") + _asset("comparison.css"), page=comparison(flights, title))
+
+
+def _rendered(name: str, style: str, **shown: object) -> str:
+    script = _asset(f"{name}.js")
+    # Only this very script may run, should a hostile text ever get past the escaping.
+    script_hash = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+    template = _environment().get_template(f"{name}.html.jinja")
+    return template.render(style=style, script=script, script_hash=script_hash, **shown)
 
 
 @lru_cache(maxsize=1)

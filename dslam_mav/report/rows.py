@@ -164,6 +164,9 @@ def fit_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
         ("Log-likelihood", fixed(estimate.log_likelihood, 2)),
         ("Dimensions", str(medium.dimensions)),
     ]
+    if medium.ambient_drift_per_s:
+        sd = parameter_sd(estimate, {"ambient drift": 1.0})
+        rows.append(("Ambient drift", f"{with_sd(medium.ambient_drift_per_s, sd)} a second"))
     if medium.sensor_lag_s:
         rows.append(("Sensor lag", f"{significant(medium.sensor_lag_s, 3)} s"))
     return tuple(rows)

@@ -89,6 +89,7 @@ def _solution_json(estimate: Estimate) -> dict[str, Any]:
             "static": medium.static,
             "dimensions": medium.dimensions,
             "sensor_lag_s": medium.sensor_lag_s,
+            "ambient_drift_per_s": medium.ambient_drift_per_s,
         },
         "log_likelihood": _number(estimate.log_likelihood),
     }

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dslam_mav import records
-from dslam_mav.dslam.field import field, squared_spread_m2
+from dslam_mav.dslam.field import field, peak_reading, squared_spread_m2
 from dslam_mav.errors import BadInputError
 from sim_bridge.fields.complaint import complaint
 from sim_bridge.fields.field import Array
@@ -96,9 +96,22 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Standard deviation of the noise on a flight along `vertices_m` (L+1, d)."""
         if self.noise.snr_db is None:
             return self.noise.sd or 0.0
+        return math.sqrt(self.mean_square(vertices_m) / 10.0 ** (self.noise.snr_db / 10.0))
+
+    def mean_square(self, vertices_m: ArrayLike) -> float:
+        """Of the readings on a flight along `vertices_m` (L+1, d), without noise and ambient."""
         time_s, place_m = _readings_of(self, _checked_vertices(self, vertices_m))[2:]
         signal = SceneField(self).read(time_s - self.sampling.start_s, place_m) - self.medium.ambient
-        return math.sqrt(float(np.mean(signal**2)) / 10.0 ** (self.noise.snr_db / 10.0))
+        return float(np.mean(signal**2))
+
+    def usual_peak(self) -> float | None:
+        """The sources' peak readings above ambient as the flight begins, geometric mean; None before any is on."""
+        active = self.sampling.start_s > self.activation_s
+        if not active.any():
+            return None
+        age_s = self.sampling.start_s - self.activation_s[active]
+        spread2 = 4.0 * self.medium.diffusivity_m2_s * age_s
+        return float(np.exp(np.log(peak_reading(self.amplitude[active], spread2, self.medium.dimensions)).mean()))
 
     def estimator_medium(self) -> records.Medium:
         """The scene's `medium` as an estimator may be told it: activation times are not part of it."""

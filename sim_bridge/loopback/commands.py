@@ -7,17 +7,18 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 from dslam_mav.mav.frames import messages
+from dslam_mav.mission import DEGREES_E7, Home
 from sim_bridge.loopback.autopilot import Autopilot
 from sim_bridge.loopback.telemetry import AUTOPILOT_VERSION, HOME_POSITION, MISSION_CURRENT, Mode, build
 
 _ACCEPTED = 0
+_TEMPORARILY_REJECTED = 1
 _DENIED = 2
 _UNSUPPORTED = 3
 _FORCE = 21196
 _CUSTOM_MODE_FLAG = 1
 _AUTO_FLAG = 4
 _WARNING = 4
-_PARAM_REAL32 = 9
 _MESSAGE_INTERVAL = 244
 
 Peer = Hashable
@@ -50,7 +51,8 @@ def _command(autopilot: Autopilot, peer: Peer, message: Any) -> list[Any]:
 def _done(autopilot: Autopilot, refusal: str) -> Answer:
     if refusal:
         autopilot.say(refusal, _WARNING)
-    return (_DENIED if refusal else _ACCEPTED), []
+    failed = _TEMPORARILY_REJECTED if refusal.startswith("PreArm") and autopilot.manners.start_arms else _DENIED
+    return (failed if refusal else _ACCEPTED), []
 
 
 def _arm_disarm(autopilot: Autopilot, _: Peer, params: Params) -> Answer:
@@ -61,7 +63,17 @@ def _arm_disarm(autopilot: Autopilot, _: Peer, params: Params) -> Answer:
 
 def _set_mode(autopilot: Autopilot, _: Peer, params: Params) -> Answer:
     flags, main, sub = (_whole(p) for p in params[:3])
+    if autopilot.manners.guided_first:
+        return _done(autopilot, _ardupilot_mode(autopilot, main))
     return _done(autopilot, autopilot.set_mode(_mode(flags, (main & 0xFF) << 16 | (sub & 0xFF) << 24)))
+
+
+def _ardupilot_mode(autopilot: Autopilot, number: int) -> str:
+    modes = {wire: mode for mode, wire in autopilot.manners.modes.items()}
+    if number not in modes:
+        return "Mode change failed: unknown mode"
+    autopilot.guided = modes[number] is Mode.HOLD
+    return autopilot.set_mode(modes[number])
 
 
 def _mission_start(autopilot: Autopilot, _: Peer, params: Params) -> Answer:
@@ -142,28 +154,29 @@ def _timesync(autopilot: Autopilot, message: Any) -> list[Any]:
     return [messages().MAVLink_timesync_message(autopilot.time_ms * 1_000_000 or 1, message.ts1)]
 
 
-def _parameters(autopilot: Autopilot) -> tuple[tuple[str, float], ...]:
-    """What a ground station may read; nothing can be set while flying, or at all."""
-    rate_ms = autopilot.streams.interval_ms(None, 32)
-    return ("CRUISE_M_S", autopilot.cruise_speed_m_s), ("POS_MS", float(rate_ms))
-
-
-def _param_value(autopilot: Autopilot, index: int) -> Any:
-    parameters = _parameters(autopilot)
-    name, value = parameters[index]
-    return messages().MAVLink_param_value_message(name.encode(), value, _PARAM_REAL32, len(parameters), index)
-
-
 def _param_list(autopilot: Autopilot, _: Any) -> list[Any]:
-    return [_param_value(autopilot, index) for index in range(len(_parameters(autopilot)))]
+    return autopilot.parameters.all()
 
 
 def _param_read(autopilot: Autopilot, message: Any) -> list[Any]:
-    names = [name for name, _ in _parameters(autopilot)]
-    index = getattr(message, "param_index", -1)
-    if index < 0:
-        index = names.index(message.param_id) if message.param_id in names else -1
-    return [_param_value(autopilot, index)] if 0 <= index < len(names) else []
+    return autopilot.parameters.read(message.param_id, message.param_index)
+
+
+def _param_set(autopilot: Autopilot, message: Any) -> list[Any]:
+    return autopilot.parameters.set(message)
+
+
+def _odometry(autopilot: Autopilot, message: Any) -> list[Any]:
+    autopilot.navigation.feed(message.frame_id, message.child_frame_id, autopilot.time_ms)
+    return []
+
+
+def _origin(autopilot: Autopilot, message: Any) -> list[Any]:
+    """Where the vehicle is told to be is where it takes itself to be: its home. The simulator's truth is elsewhere."""
+    origin = Home(message.latitude / DEGREES_E7, message.longitude / DEGREES_E7, message.altitude / 1000.0)
+    if autopilot.navigation.set_origin(origin, autopilot.time_ms):
+        autopilot.say("EKF3 IMU0 origin set")
+    return []
 
 
 _COMMANDS: dict[int, Handler] = {
@@ -187,5 +200,7 @@ _REQUESTS: dict[str, Callable[[Autopilot, Any], list[Any]]] = {
     "TIMESYNC": _timesync,
     "PARAM_REQUEST_LIST": _param_list,
     "PARAM_REQUEST_READ": _param_read,
-    "PARAM_SET": _param_read,  # read-only: the answer is the value that stays
+    "PARAM_SET": _param_set,
+    "ODOMETRY": _odometry,
+    "SET_GPS_GLOBAL_ORIGIN": _origin,
 }

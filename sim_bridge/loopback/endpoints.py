@@ -7,17 +7,20 @@ import select
 import socket
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from dslam_mav.mav.frames import Frame, Parser
+from dslam_mav.mav.signing import Verifier
 from dslam_mav.mav.sockets import enlarge_receive_buffer, listening_socket
 from dslam_mav.mav.url import KINDS_LISTEN, parse_url
+from sim_bridge.loopback.link_faults import Air
 
 MAX_PEERS = 32
 FORGET_S = 60.0  # every role sends a HEARTBEAT each second
 _CHUNK_BYTES = 65536
-_DATAGRAMS_AT_ONCE = 256
+_DATAGRAMS_AT_ONCE = 8192  # all that waits, so that simulated time does not run away from a busy host
+_IN, _OUT = "in", "out"
 
 
 @dataclass(eq=False, slots=True)
@@ -27,13 +30,19 @@ class Peer:
     sock: socket.socket
     address: Any
     heard_s: float
-    parser: Parser = field(default_factory=Parser)
+    parser: Parser
 
 
 class Endpoints:
-    """Listens on every URL: BadInputError on a malformed one, LinkError on a port in use."""
+    """Listens on every URL: BadInputError on a malformed one, LinkError on a port in use.
 
-    def __init__(self, urls: Sequence[str]) -> None:
+    With a `verifier` only what it accepts comes through, and who has sent nothing of the kind is no peer. With an `air`
+    what is sent and received goes through it.
+    """
+
+    def __init__(self, urls: Sequence[str], verifier: Verifier | None = None, air: Air | None = None) -> None:
+        self._verifier = verifier
+        self._air = air
         self._bound: list[tuple[str, socket.socket]] = []
         self._udp: dict[tuple[socket.socket, Any], Peer] = {}
         self._tcp: dict[socket.socket, Peer] = {}
@@ -70,11 +79,16 @@ class Endpoints:
                 self._accept(sock)
             else:
                 frames += self._read_datagrams(sock)
+        frames += self._late()
         self._forget_silent()
         return frames
 
     def send(self, peer: Peer, raw: bytes) -> None:
         """Send to one peer; what cannot be sent is lost as on a radio; a broken TCP connection is dropped."""
+        for piece in [raw] if self._air is None else self._air.carry((peer, _OUT), raw, time.monotonic()):
+            self._send(peer, piece)
+
+    def _send(self, peer: Peer, raw: bytes) -> None:
         if peer.address is not None:
             with contextlib.suppress(OSError):
                 peer.sock.sendto(raw, peer.address)
@@ -106,9 +120,30 @@ class Endpoints:
             if peer is None:
                 if len(self._udp) >= MAX_PEERS:
                     continue
-                peer = self._udp[sock, address] = Peer(sock, address, 0.0)
+                peer = Peer(sock, address, 0.0, Parser(self._verifier))
+            frames += self._receive(peer, data)
+            if peer.heard_s > 0.0:
+                self._udp[sock, address] = peer
+        return frames
+
+    def _receive(self, peer: Peer, data: bytes) -> list[tuple[Peer, Frame]]:
+        pieces = [data] if self._air is None else self._air.carry((peer, _IN), data, time.monotonic())
+        return [frame for piece in pieces for frame in self._feed(peer, piece)]
+
+    def _late(self) -> list[tuple[Peer, Frame]]:
+        """What the air held back for so long that nothing overtook it."""
+        frames: list[tuple[Peer, Frame]] = []
+        for (peer, direction), data in () if self._air is None else self._air.due(time.monotonic()):
+            if direction is _IN:
+                frames += self._feed(peer, data)
+            else:
+                self._send(peer, data)
+        return frames
+
+    def _feed(self, peer: Peer, data: bytes) -> list[tuple[Peer, Frame]]:
+        frames = [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
+        if frames or self._verifier is None:
             peer.heard_s = time.monotonic()
-            frames += [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
         return frames
 
     def _accept(self, listener: socket.socket) -> None:
@@ -117,7 +152,7 @@ class Endpoints:
             enlarge_receive_buffer(sock)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             sock.setblocking(False)
-            self._tcp[sock] = Peer(sock, None, 0.0)
+            self._tcp[sock] = Peer(sock, None, 0.0, Parser(self._verifier))
 
     def _read_stream(self, peer: Peer) -> list[tuple[Peer, Frame]]:
         try:
@@ -129,8 +164,7 @@ class Endpoints:
         if not data:
             self._drop_stream(peer)
             return []
-        peer.heard_s = time.monotonic()
-        return [(peer, frame) for frame in peer.parser.feed(data, time.time_ns())]
+        return self._receive(peer, data)
 
     def _drop_stream(self, peer: Peer) -> None:
         if self._tcp.pop(peer.sock, None) is not None:

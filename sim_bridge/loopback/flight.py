@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
@@ -53,13 +52,6 @@ class Flight:
         if self.index < 0:
             return Flight(timeline, self.start_ms, is_mission=True)
         return Flight(timeline, time_ms, is_mission=True, index=0, held_ms=None if self.held_ms is None else 0)
-
-    def speed_m_s(self, default: float) -> float:
-        """Over the ground, on the segment under way."""
-        if self.index < 0:
-            return default
-        north, east, _ = self.timeline.segments[self.index].velocity_m_s
-        return math.hypot(north, east) or default
 
     def go_on(self, time_ms: int) -> None:
         """After a pause, from where it was."""

@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Hashable
 from typing import Any
 
-_NEVER_FORWARDED = frozenset({"RADIO", "RADIO_STATUS"})  # they speak of one radio link
+# they speak of one radio link; and a key is for nobody but its target
+_NEVER_FORWARDED = frozenset({"RADIO", "RADIO_STATUS", "SETUP_SIGNING"})
 
 Peer = Hashable
 

@@ -31,7 +31,7 @@ class Streams:
     @property
     def next_ms(self) -> int:
         """When the next message is due."""
-        return min(stream.due_ms for stream in self._streams)
+        return min((stream.due_ms for stream in self._streams), default=2**62)
 
     def pop(self, time_ms: int) -> list[tuple[int, Peer | None]]:
         """(message number, peer or None: all without their own rate) due at `time_ms`; each at most once."""

@@ -15,6 +15,10 @@ from typing import Any
 from dslam_mav.mav.frames import messages
 from dslam_mav.mission import DEGREES_E7, Home, enu_to_e7
 from sim_bridge.loopback.flight_model import Place
+from sim_bridge.loopback.manners import Manners, Mode
+from sim_bridge.loopback.simulated import hil_state_quaternion, sim_state
+
+__all__ = ["Manners", "MissionState", "Mode", "Snapshot", "build"]
 
 _EPOCH_S = 1_700_000_000  # simulated flights all begin at the same moment: they repeat
 
@@ -28,6 +32,8 @@ GLOBAL_POSITION_INT = 33
 MISSION_CURRENT = 42
 VFR_HUD = 74
 AUTOPILOT_VERSION = 148
+SIM_STATE = 108
+HIL_STATE_QUATERNION = 115
 HOME_POSITION = 242
 EXTENDED_SYS_STATE = 245
 
@@ -43,15 +49,6 @@ DEFAULT_INTERVAL_MS = {
     HOME_POSITION: 5000,
     EXTENDED_SYS_STATE: 1000,
 }
-
-
-class Mode(IntEnum):
-    """Flight modes, numbered as PX4 does (main << 16 | sub << 24), which ground stations know how to name."""
-
-    HOLD = 50593792
-    MISSION = 67371008
-    RETURN = 84148224
-    LAND = 100925440
 
 
 class MissionState(IntEnum):
@@ -78,6 +75,10 @@ class Snapshot:
     seq: int
     n_items: int
     mission_state: MissionState
+    manners: Manners
+    true_m: Place
+    located: bool
+    guided: bool
 
     @property
     def flying(self) -> bool:
@@ -107,9 +108,10 @@ def _heartbeat(now: Snapshot) -> Any:
     base_mode |= m.MAV_MODE_FLAG_AUTO_ENABLED if now.mode is Mode.MISSION else 0
     base_mode |= m.MAV_MODE_FLAG_SAFETY_ARMED if now.armed else 0
     status = m.MAV_STATE_ACTIVE if now.armed else m.MAV_STATE_STANDBY
-    return m.MAVLink_heartbeat_message(
-        m.MAV_TYPE_QUADROTOR, m.MAV_AUTOPILOT_GENERIC, base_mode, int(now.mode), status, 3
-    )
+    number = now.manners.modes[now.mode]
+    if now.mode is Mode.HOLD and now.manners.guided_first and not now.guided:
+        number = 0  # STABILIZE
+    return m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, now.manners.autopilot, base_mode, number, status, 3)
 
 
 def _sys_status(_: Snapshot) -> Any:
@@ -149,7 +151,9 @@ def _local_position_ned(now: Snapshot) -> Any:
 
 
 def _global_position_int(now: Snapshot) -> Any:
-    velocity_cm_s = (round(v * 100) for v in now.velocity_m_s)
+    velocity_cm_s = [round(v * 100) for v in now.velocity_m_s]
+    if not now.located:
+        return messages().MAVLink_global_position_int_message(_wire_ms(now), *(0,) * 4, *velocity_cm_s, 0)
     return messages().MAVLink_global_position_int_message(
         _wire_ms(now),
         *now.latitude_longitude_e7(),
@@ -223,6 +227,8 @@ _BUILDERS: dict[int, Callable[[Snapshot], Any]] = {
     MISSION_CURRENT: _mission_current,
     VFR_HUD: _vfr_hud,
     AUTOPILOT_VERSION: _autopilot_version,
+    SIM_STATE: lambda now: sim_state(now) if now.manners.name == "ardupilot" else None,
+    HIL_STATE_QUATERNION: lambda now: hil_state_quaternion(now) if now.manners.name == "px4" else None,
     HOME_POSITION: _home_position,
     EXTENDED_SYS_STATE: _extended_sys_state,
 }

@@ -89,19 +89,6 @@ def test_replay_evolving_of_a_log_flown_with_a_spread_is_refused_or_answered_in_
     assert set(done.object) >= RESULT_KEYS
 
 
-def test_reports_of_several_logs(flown: Any, tmp_path: Path) -> None:
-    logs = []
-    for name in ("a.mcap", "b.mcap"):
-        logs.append(tmp_path / name)
-        logs[-1].write_bytes(flown.log.read_bytes())
-    done = run("report", *logs, "--json")
-    assert done.code == 0
-    assert [entry["report"] for entry in done.object["reports"]] == [str(tmp_path / n) for n in ("a.html", "b.html")]
-    assert left(tmp_path) == {"a.mcap", "b.mcap", "a.html", "b.html"}
-    assert run("report", logs[0], "-o", tmp_path / "c.html").out == f"{tmp_path / 'c.html'}\n"
-    assert (tmp_path / "c.html").read_text() == (tmp_path / "a.html").read_text()
-
-
 def test_a_log_that_was_cut_is_read_with_a_warning(flown: Any, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     data = flown.log.read_bytes()

@@ -23,6 +23,7 @@ MEDIA = {
     "evolving, one activation each": Medium(diffusivity_m2_s=0.02),
     "evolving, diffusivity unknown": Medium(activation_s=-15.0, ambient=1.0),
     "evolving, nothing known": Medium(ambient=None),
+    "drifting": Medium(spread_m=1.3, static=True, ambient=None, ambient_drift_per_s=None),
     "slow sensor": Medium(spread_m=1.3, static=True, sensor_lag_s=0.3),
     "sensor of unknown lag": Medium(diffusivity_m2_s=0.02, activation_s="shared", ambient=None, sensor_lag_s=None),
 }
@@ -54,23 +55,26 @@ def _state(prob, seed=0):
     return State(
         theta=theta, s=rng.normal(size=(K, d)), log_amplitude=4.0 + rng.normal(size=K), log_spread2=np.array(log_c),
         log_rate=log_rate, ambient=0.4 if prob.ambient is None else prob.ambient, climb=climb,
-        longer=np.zeros(n_legs), coefficients=rng.normal(size=(0 if prob.basis is None else prob.basis.shape[1], d)),
+        longer=np.zeros(n_legs), gap=0.1 * rng.normal(size=(n_legs, d)),
+        coefficients=rng.normal(size=(0 if prob.basis is None else prob.basis.shape[1], d)),
+        drift=0.02 if prob.drift is None else 0.0,
         extent=0.1 if prob.extent is None else prob.extent, turn=0.3, shift=rng.normal(size=d),
         log_lag=-1.0 if prob.lag is None else float(np.log(prob.lag)) if prob.lag else -np.inf,
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("medium", list(MEDIA.values())[:9], ids=list(MEDIA)[:9])
+@pytest.mark.parametrize("medium", list(MEDIA.values())[:10], ids=list(MEDIA)[:10])
 def test_the_residual_is_the_field_less_the_readings(medium):
     prob = problem(_flight("legs"), medium)
     state = _state(prob)
-    corners = vertices(state.theta, prob.length)
+    corners = vertices(state.theta, prob.length) + np.vstack([np.zeros(2), np.cumsum(state.gap, axis=0)])
     heading = state.theta[prob.leg]
     where = corners[prob.leg] + prob.s[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     c = np.exp(state.log_spread2)[None, :] + np.exp(state.log_rate) * prob.t[:, None]
     if isinstance(medium.activation_s, tuple):
         c = squared_spread_m2(prob.t[:, None], 0.02, np.array(medium.activation_s))
-    expected = field(where, c, state.s, np.exp(state.log_amplitude)) + state.ambient - prob.y
+    level = state.ambient + state.drift * prob.t
+    expected = field(where, c, state.s, np.exp(state.log_amplitude)) + level - prob.y
     np.testing.assert_allclose(residual_of(prob, state), expected, rtol=1e-10, atol=1e-10)
 
 
@@ -80,7 +84,7 @@ def test_space_is_seen_through_every_climb():
     where = places(prob, state)
     assert where[0] == pytest.approx([0.0, 0.0, 0.0])
     last = prob.leg == 6
-    climbed = prob.rise[:6].sum() + prob.s[last] * prob.rise[6] / prob.length[6]
+    climbed = prob.rise[:6].sum() + state.gap[:6, 2].sum() + prob.s[last] * prob.rise[6] / prob.length[6]
     np.testing.assert_allclose(where[last, 2], climbed, atol=1e-12)
     expected = field(where, 1.0, state.s, np.exp(state.log_amplitude)) - prob.y
     np.testing.assert_allclose(residual_of(prob, state), expected, rtol=1e-10, atol=1e-10)
@@ -108,6 +112,7 @@ def _knowing(prob, known):
         "closed": Known(closed_sd=0.4),
         "points": Known(points=points),
         "lengths": Known(length_sd=np.where(np.arange(prob.n_legs) % 2, 0.1, 0.0)),
+        "corners": Known(corner_sd=np.where(np.arange(max(prob.n_legs - 1, 0)) % 3, 0.1, 0.0), closed_sd=0.4),
         "strengths": Known(peak=(1e-3, 0.7), age=(1e-3, 2.0), lag=(0.2, 0.5)),
     }
     return replace(prob, known=kinds[known])
@@ -115,9 +120,11 @@ def _knowing(prob, known):
 
 CASES = [
     *(("legs", medium, "nothing") for medium in MEDIA),
-    *(("legs", "evolving, nothing known", known) for known in ("headings", "closed", "points", "lengths", "strengths")),
+    *(("legs", "evolving, nothing known", known)
+      for known in ("headings", "closed", "points", "lengths", "corners", "strengths")),
     *((kind, medium, known) for kind in ("parametric", "climbs known", "climbs free")
       for medium, known in (("spread known", "points"), ("evolving, one activation each", "closed"))),
+    ("climbs free", "spread known", "corners"),
 ]  # fmt: skip
 
 

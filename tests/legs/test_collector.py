@@ -74,16 +74,27 @@ def test_item_reached_repeated_as_px4_does_counts_once():
     assert len(collect(frames).flight(final=True).legs) == 4
 
 
-@pytest.mark.parametrize("plan", [None, PlanFacts((1, 2, 3, 4, 5), (30.0,) * 4)])
-def test_a_corner_nobody_reported_is_no_straight_leg(plan):
-    def lost(frame: Frame) -> bool:
-        kind = frame.message.get_type()
-        return (kind == "MISSION_ITEM_REACHED" and frame.message.seq == 3) or (
-            kind == "MISSION_CURRENT" and frame.message.seq in (3, 4)
-        )
+def third_lost(frame: Frame) -> bool:
+    kind = frame.message.get_type()
+    return (kind == "MISSION_ITEM_REACHED" and frame.message.seq == 3) or (
+        kind == "MISSION_CURRENT" and frame.message.seq in (3, 4)
+    )
 
-    collector = collect([f for f in fly().frames if not lost(f)], plan=plan)
-    # item 3 was never heard of: 1-2 stands alone, 2-4 is bent, 4-5 stands alone
+
+def test_a_corner_nobody_reported_is_where_the_plan_has_it_by_the_way_flown():
+    flown = fly()
+    frames = [f for f in flown.frames if not third_lost(f)]
+    collector = collect(frames, plan=PlanFacts((1, 2, 3, 4, 5), tuple(flown.lengths_m)))
+    legs = collector.legs(final=True)
+    assert [(leg.start_seq, leg.end_seq) for leg in legs] == [(1, 2), (2, 3), (3, 4), (4, 5)]
+    assert legs[2].start_ms == pytest.approx(flown.corner_ms[2], abs=20)
+    assert distance_error_m(flown, collector) < 0.1
+
+
+@pytest.mark.parametrize("plan", [None, PlanFacts((1, 2, 3, 4, 5), (60.0,) * 4)])
+def test_a_corner_nobody_reported_is_no_straight_leg(plan):
+    collector = collect([f for f in fly().frames if not third_lost(f)], plan=plan)
+    # item 3 was never heard of, nor is 2-4 as long as planned: 1-2 stands alone, 2-4 is bent, 4-5 stands alone
     assert [(leg.start_seq, leg.end_seq) for leg in collector.legs(final=True)] == [(1, 2)]
     assert collector.legs_counts["legs lost"] == 1
     assert any("longest unbroken" in note for note in collector.notes(collector.legs(final=True)))

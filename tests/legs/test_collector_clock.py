@@ -59,7 +59,7 @@ def test_an_item_passed_before_any_vehicle_time_is_passed_at_the_first():
     assert collector.last_event == (1, 5_000)
 
 
-@pytest.mark.parametrize(("plan", "zero"), [(None, 2), (PlanFacts((1, 2, 3, 4, 5), (30.0,) * 4), 0)])
+@pytest.mark.parametrize(("plan", "zero"), [(None, 2), (PlanFacts((1, 2, 3, 4, 5), (60.0,) * 4), 0)])
 def test_time_zero_is_where_the_flight_began_though_its_first_legs_are_lost(plan, zero):
     def lost(frame: Frame) -> bool:
         kind = frame.message.get_type()

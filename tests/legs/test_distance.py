@@ -70,3 +70,16 @@ def test_turned_mirrored_and_shifted_frames_tell_the_same_distance(angle, mirror
         p, q = measure(a, 9.75, at), measure(b, 9.75, at)
         assert p.distance_m == pytest.approx(q.distance_m, abs=1e-9)
         assert p.length_m == pytest.approx(q.length_m, abs=1e-9)
+
+
+def test_a_corner_flown_round_is_set_aside_and_the_leg_measured_along_its_line():
+    """Out of the corner 1.5 m sideways: the line flown after it is longer than its part of the chord says."""
+    t = np.arange(0.0, 40.01, 0.1)
+    sideways = 1.5 * np.exp(-t / 2.0)
+    along, across = np.array([math.cos(0.7), math.sin(0.7)]), np.array([-math.sin(0.7), math.cos(0.7)])
+    place_m = np.outer(t, along) + np.outer(sideways, across)
+    velocity = np.outer(np.ones(t.size), along) + np.outer(-0.5 * sideways, across)
+    placed = from_odometry(Motion(t, place_m, velocity, t, np.ones(t.size)), 40.0, t)
+    assert not placed.straight[t < 1.0].any()
+    assert placed.straight[t > 10.0].all()
+    assert placed.distance_m[placed.straight] == pytest.approx(t[placed.straight], abs=0.01)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pytest
 
-from dslam_mav.log import Recorder
+from dslam_mav.log import Recorder, recorder
 from dslam_mav.mav.frames import Encoder, messages
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Medium, Path, Sources, Truth, Verdict
+from dslam_mav.records import Estimate, Medium, Path, Prediction, Sources, Truth, Verdict
 
 START_NS = 1_760_000_000_123_456_789
 
@@ -71,6 +73,16 @@ def make_nan_estimate() -> Estimate:
     )
 
 
+def make_prediction(**changes: Any) -> Prediction:
+    """Of a mission that cannot place a tenth of all layouts."""
+    given: dict[str, Any] = {
+        "n_sources": (2, 4), "spread_m": 10.0, "area_m": (32.0, 31.2), "peak": 8.7, "noise_sd": 1 / 3,
+        "readings_per_m": 2.0, "length_m": 224.0, "source_error_m": (0.38, math.inf), "path_error_m": (0.28, 0.66),
+        "source_error_aligned_m": (0.3, math.inf), "path_error_aligned_m": (0.1, 0.2), "unidentifiable_share": 0.11,
+    }  # fmt: skip
+    return Prediction(**given | changes)
+
+
 def write_flight(path: FilePath, n: int = 2000) -> None:
     """A closed log with every kind of record: `n` frames 5 ms apart, a reading with every fourth."""
     encoder, dialect = Encoder(1, 1), messages()
@@ -79,6 +91,7 @@ def write_flight(path: FilePath, n: int = 2000) -> None:
         recorder.attach("plan.plan", "application/json", b'{"fileType": "Plan"}')
         recorder.attach("empty", "text/plain", b"")
         recorder.truth(START_NS, Truth(np.eye(2), np.array([2.0, 1.0]), np.array([[0, 0], [1, 0], [1, 1.0]])))
+        recorder.prediction(START_NS, make_prediction())
         for i in range(n):
             time_ns = START_NS + i * 5_000_000
             message = dialect.MAVLink_local_position_ned_message(5 * i, *rng.normal(size=6))
@@ -98,6 +111,11 @@ def estimate() -> Callable[..., Estimate]:
 
 
 @pytest.fixture
+def prediction() -> Callable[..., Prediction]:
+    return make_prediction
+
+
+@pytest.fixture
 def nan_estimate() -> Callable[[], Estimate]:
     return make_nan_estimate
 
@@ -112,4 +130,14 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """One closed log for all tests that only read."""
     path = tmp_path_factory.mktemp("log") / "flight.mcap"
     write_flight(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def small_chunks(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A short closed log of many small chunks."""
+    path = tmp_path_factory.mktemp("log") / "flight.mcap"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "CHUNK_BYTES", 2048)
+        write_flight(path, n=240)
     return path

@@ -22,6 +22,7 @@ SCHEMAS = {
     "/scene": "foxglove.SceneUpdate",
     "/field": "foxglove.Grid",
     "/field_points": "foxglove.PointCloud",
+    "/prediction": "dslam_mav.Prediction",
 }
 
 

@@ -11,9 +11,11 @@ import time
 from pathlib import Path
 
 import pytest
+from mcap.reader import NonSeekingReader, make_reader
 
 from dslam_mav.errors import LogError
 from dslam_mav.log import Recorder, log_info, read_log
+from dslam_mav.log.recover import salvage
 from dslam_mav.observations import Reading
 
 
@@ -96,6 +98,14 @@ def test_a_full_disk_is_told_once_and_the_log_so_far_is_whole(tmp_path):
     assert not log.complete
     assert len(log.readings) > 1000
     assert [r.time_boot_ms for _, r in log.readings] == list(range(len(log.readings)))
+    with path.open("rb") as file:  # closed, so that the library reads it too
+        messages = list(make_reader(file, validate_crcs=True).iter_messages())
+    assert len(messages) == len(log.readings)
+    with path.open("rb") as file:
+        messages = list(NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False))
+    assert len(messages) == len(log.readings)
+    salvaged = salvage(path)
+    assert (salvaged.kept, salvaged.exact, salvaged.clean) == (len(messages), False, False)
 
 
 def test_a_disk_that_is_full_from_the_start_leaves_no_file(tmp_path):
@@ -118,6 +128,36 @@ def test_a_failure_at_the_very_end_is_told_by_close(tmp_path, monkeypatch):
     with pytest.raises(LogError, match="No space left on device"):
         recorder.close()
     recorder.close()
+
+
+@pytest.mark.parametrize("late", [1, 2, 3, 4])
+def test_a_disk_full_while_the_log_is_closed_costs_its_index_alone(tmp_path, monkeypatch, late):
+    """Of the four writes that end a log each may be the one that fails, with a part of it done."""
+    path = tmp_path / "flight.mcap"
+    recorder = Recorder(path)
+    recorder.reading(1, Reading(1, 2.0))
+    recorder._disk.sync()
+    write, hold, counted = os.write, recorder._disk.hold, []
+
+    def held() -> None:
+        hold()
+        monkeypatch.setattr(os, "write", failing)
+
+    def failing(descriptor: int, data: bytes) -> int:
+        counted.append(len(data))
+        if len(counted) == late:
+            return write(descriptor, data[: len(data) // 2])
+        if len(counted) == late + 1:
+            raise OSError(28, "No space left on device")
+        return write(descriptor, data)
+
+    monkeypatch.setattr(recorder._disk, "hold", held)
+    with pytest.raises(LogError, match="No space left on device"):
+        recorder.close()
+    log = read_log(path)
+    assert (len(log.readings), log.complete) == (1, False)
+    with path.open("rb") as file:
+        assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == 1
 
 
 def test_an_error_on_its_way_out_is_not_hidden_by_the_log(tmp_path, monkeypatch):

@@ -42,7 +42,7 @@ def plain(estimate: Estimate) -> Estimate:
     )
 
 
-def test_every_record_comes_back(tmp_path, start_ns, estimate, nan_estimate):
+def test_every_record_comes_back(tmp_path, start_ns, estimate, nan_estimate, prediction):
     path = tmp_path / "flight.mcap"
     first = estimate(1, alternatives=(estimate(2), estimate(3, verdict=Verdict.AMBIGUOUS)))
     truth = Truth(np.eye(2), np.array([2.0, 1.0]), np.array([[0, 0], [1, 0.1], [1, 1.0]]))
@@ -55,6 +55,8 @@ def test_every_record_comes_back(tmp_path, start_ns, estimate, nan_estimate):
         recorder.text(start_ns, logging.ERROR, "√C is 10 m\nand more \udc80")
         recorder.text(start_ns, logging.INFO + 5, "")
         recorder.truth(start_ns, truth)
+        recorder.prediction(start_ns, prediction())
+        recorder.prediction(start_ns + 1, prediction(peak=1.0))
         recorder.estimate(start_ns + 9, first, 4, final=False)
         recorder.estimate(start_ns + 2_500_000_000, nan_estimate(), 5, final=True)
         recorder.attach("plan.plan", "application/json", b"{}")
@@ -68,6 +70,7 @@ def test_every_record_comes_back(tmp_path, start_ns, estimate, nan_estimate):
         (start_ns, logging.INFO, ""),
     )
     assert bits(log.truth) == bits(truth)
+    assert bits(log.prediction) == bits(prediction()), "what was said before take-off, not later"
     assert [(e.received_ns, e.legs_flown, e.final) for e in log.estimates] == [
         (start_ns + 9, 4, False),
         (start_ns + 2_500_000_000, 5, True),
@@ -99,6 +102,29 @@ def test_unknown_and_zero_are_kept_apart(medium, estimate):
     before = estimate(dimensions=medium.dimensions, medium=medium)
     decoded = codec.decode_estimate(codec.encode_update(before, 1, True).estimate)
     assert bits(decoded.medium) == bits(medium)
+
+
+@pytest.mark.parametrize(
+    "bad", [{"n_sources": (0, 2)}, {"noise_sd": 0.0}, {"path_error_m": (2.0, 1.0)}, {"unidentifiable_share": 1.5}]
+)
+def test_numbers_that_make_no_prediction_are_no_prediction(tmp_path, start_ns, prediction, bad):
+    message = codec.encode_prediction(prediction())
+    for name, value in bad.items():
+        if name == "n_sources":
+            message.fewest_sources = value[0]
+        elif name == "path_error_m":
+            message.path_error_m.median_m, message.path_error_m.p90_m = value
+        else:
+            setattr(message, name, value)
+    (name,) = bad
+    with pytest.raises(ValueError, match=name):
+        codec.decode_prediction(message)
+
+
+def test_a_log_without_a_prediction_has_none(tmp_path, start_ns):
+    with Recorder(tmp_path / "flight.mcap") as recorder:
+        recorder.reading(start_ns, Reading(1, 2.0))
+    assert read_log(tmp_path / "flight.mcap").prediction is None
 
 
 def test_an_estimate_without_sources_keeps_its_shapes(estimate):

@@ -8,8 +8,9 @@ import numpy as np
 
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.field import field, peak_reading
-from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Sources, Truth, Verdict
+from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Prediction, Sources, Truth, Verdict
 from dslam_mav.report.data import ReportData
+from dslam_mav.report.foreseen import Background
 from dslam_mav.report.page import render
 
 SPREAD_M, LEG_M, AMBIENT = 10.0, 32.0, 20.0
@@ -113,6 +114,43 @@ def without_positions(estimate, verdict, reason):
         noise_sd=float("nan"),
         residual=np.full(estimate.residual.size, np.nan),
         unseen_directions=("source 2 across the path",),
+    )
+
+
+def expected(**changes):
+    """What was predicted of such a flight."""
+    given = {
+        "n_sources": (3, 3), "spread_m": SPREAD_M, "area_m": (32.0, 31.2), "peak": 7.3, "noise_sd": 0.25,
+        "readings_per_m": 2.0, "length_m": 7 * LEG_M, "source_error_m": (0.4, 0.9), "path_error_m": (0.3, 0.7),
+        "source_error_aligned_m": (0.3, 0.7), "path_error_aligned_m": (0.2, 0.4), "unidentifiable_share": 0.0,
+    }  # fmt: skip
+    return Prediction(**given | changes)
+
+
+def known_before(case, **changes):
+    """What was assumed and expected of the flight, and what was known after 3 and 5 legs."""
+    _, _, estimate = case
+    none_yet = without_positions(estimate, Verdict.NOT_IDENTIFIABLE, "Too early.")
+    given = {
+        "medium": Medium(spread_m=SPREAD_M, ambient=None, static=True),
+        "prediction": expected(),
+        "predicted_then": True,
+        "under_way": ((3, none_yet), (5, first_legs(estimate, 5))),
+    }
+    return Background(**given | changes)
+
+
+def first_legs(estimate, legs):
+    """The estimate as after so many legs: the same sources, twice as unsure."""
+    names = [f"heading of leg {j}" for j in range(2, legs + 1)]
+    own = [estimate.parameter_names.index(name) for name in names]
+    return replace(
+        estimate,
+        path=Path(estimate.path.vertices_m[: legs + 1], estimate.path.heading_rad[:legs]),
+        position_covariance_m2=4.0 * estimate.position_covariance_m2,
+        parameter_names=tuple(names),
+        parameter_covariance=4.0 * estimate.parameter_covariance[np.ix_(own, own)],
+        alternatives=(),
     )
 
 

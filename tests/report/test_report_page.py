@@ -123,7 +123,11 @@ def test_only_the_best_solution_shows_without_scripts(case):
     parsed = outline(page_of(case))
     panels = [a for t, a in parsed.tags if t == "div" and a.get("class") == "solution"]
     assert ["hidden" in a for a in panels] == [False, True]
-    assert "hidden" in next(a for t, a in parsed.tags if a.get("role") == "tablist")
+    assert "hidden" in next(a for t, a in parsed.tags if t == "fieldset")
+    radios = [a for t, a in parsed.tags if t == "input"]
+    assert [(a["type"], a["name"]) for a in radios] == [("radio", "solution")] * 2
+    assert ["checked" in a for a in radios] == [True, False]
+    assert all("disabled" in a for t, a in parsed.tags if t == "button"), "what needs the script waits for it"
 
 
 HOSTILE = "</title><script>alert(1)</script><img src=x onerror=alert(2)> \"' & {{ 7*7 }}"

@@ -47,7 +47,7 @@ def fly(
         time_ms += hold_ms
         sampler.reached(seq)
         taken.append(leg)
-    taken.append([sampler.position(time_ms + 1000, (50.0, 50.0, 1.0))])
+    taken.append([sampler.position(time_ms + 5 * step_ms, (50.0, 50.0, 1.0))])
     return taken
 
 
@@ -179,14 +179,14 @@ def test_a_mission_that_grew_or_shrank_in_flight_is_read_to_its_end() -> None:
             sampler.position(1000 * seq, (10.0 * (seq % 2), 0.0, 1.0))
             assert not sampler.finished
             if seq == 3:
-                sampler.grow(4, by)  # on the way to item 4
+                sampler.end_at(SEQS[-1] + by, 4)  # on the way to item 4
             sampler.reached(seq)
         assert sampler.finished
 
 
 def test_before_the_first_vertex_a_mission_may_still_be_any() -> None:
     sampler = Sampler(Sampling(spacing_m=1.0), SEQS)
-    sampler.grow(0, 1)
+    sampler.end_at(SEQS[-1] + 1, 0)
     for seq in SEQS:
         sampler.position(1000 * seq, (10.0 * (seq % 2), 0.0, 1.0))
         sampler.reached(seq)

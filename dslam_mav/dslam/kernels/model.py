@@ -18,18 +18,26 @@ from dslam_mav.dslam.kernels.tables import MAX_EXPONENT, OPTIONS, Array, Indices
 
 
 @njit(**OPTIONS)
-def along_legs(along: Array, length: Array, leg: Indices, distance: Array) -> Array:
-    """(n, d) places at `distance` (n,) along legs of directions `along` (L, d), each begun where the last one ended."""
-    n_legs, d = along.shape
-    start = np.zeros((n_legs, d))
-    for j in range(1, n_legs):
-        for q in range(d):
-            start[j, q] = start[j - 1, q] + length[j - 1] * along[j - 1, q]
+def on_legs(start: Array, along: Array, leg: Indices, distance: Array) -> Array:
+    """(n, d) places at `distance` (n,) along legs of directions `along` (L, d) from their starts (L or more, d)."""
+    d = along.shape[1]
     out = np.empty((leg.shape[0], d))
     for i in range(leg.shape[0]):
         j = leg[i]
         for q in range(d):
             out[i, q] = start[j, q] + distance[i] * along[j, q]
+    return out
+
+
+@njit(**OPTIONS)
+def along_legs(along: Array, length: Array, leg: Indices, distance: Array) -> Array:
+    """As `on_legs`, each leg begun where the last one, `length` (L,) long, ended."""
+    n_legs, d = along.shape
+    start = np.zeros((n_legs, d))
+    for j in range(1, n_legs):
+        for q in range(d):
+            start[j, q] = start[j - 1, q] + length[j - 1] * along[j - 1, q]
+    out: Array = on_legs(start, along, leg, distance)
     return out
 
 

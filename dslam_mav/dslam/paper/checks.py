@@ -51,6 +51,8 @@ def _check_medium(medium: Medium, n_sources: int | None) -> None:
         raise ValueError(f"n_sources: expected 1 or more, or None, got {n_sources}")
     if medium.ambient is None:
         raise ValueError("medium.ambient (--ambient): method 'paper' needs it known, got None")
+    if medium.ambient_drift_per_s is None:
+        raise ValueError("medium.ambient_drift_per_s: method 'paper' takes a number, got None")
     if medium.sensor_lag_s != 0.0:
         raise ValueError(f"medium.sensor_lag_s: method 'paper' takes a sensor without lag, got {medium.sensor_lag_s}")
     if not medium.static and medium.diffusivity_m2_s is None:

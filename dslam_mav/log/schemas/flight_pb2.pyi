@@ -70,7 +70,7 @@ class Path(_message.Message):
     def __init__(self, vertices_m: _Optional[_Union[Array, _Mapping]] = ..., heading_rad: _Optional[_Iterable[float]] = ..., coefficients_m: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
 
 class Medium(_message.Message):
-    __slots__ = ("diffusivity_m2_s", "activation_s", "activation_shared", "spread_m", "ambient", "static", "dimensions", "sensor_lag_s", "extent", "activations_s")
+    __slots__ = ("diffusivity_m2_s", "activation_s", "activation_shared", "spread_m", "ambient", "static", "dimensions", "sensor_lag_s", "extent", "activations_s", "ambient_drift_per_s")
     DIFFUSIVITY_M2_S_FIELD_NUMBER: _ClassVar[int]
     ACTIVATION_S_FIELD_NUMBER: _ClassVar[int]
     ACTIVATION_SHARED_FIELD_NUMBER: _ClassVar[int]
@@ -81,6 +81,7 @@ class Medium(_message.Message):
     SENSOR_LAG_S_FIELD_NUMBER: _ClassVar[int]
     EXTENT_FIELD_NUMBER: _ClassVar[int]
     ACTIVATIONS_S_FIELD_NUMBER: _ClassVar[int]
+    AMBIENT_DRIFT_PER_S_FIELD_NUMBER: _ClassVar[int]
     diffusivity_m2_s: float
     activation_s: float
     activation_shared: bool
@@ -91,7 +92,8 @@ class Medium(_message.Message):
     sensor_lag_s: float
     extent: float
     activations_s: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, diffusivity_m2_s: _Optional[float] = ..., activation_s: _Optional[float] = ..., activation_shared: bool = ..., spread_m: _Optional[float] = ..., ambient: _Optional[float] = ..., static: bool = ..., dimensions: _Optional[int] = ..., sensor_lag_s: _Optional[float] = ..., extent: _Optional[float] = ..., activations_s: _Optional[_Iterable[float]] = ...) -> None: ...
+    ambient_drift_per_s: float
+    def __init__(self, diffusivity_m2_s: _Optional[float] = ..., activation_s: _Optional[float] = ..., activation_shared: bool = ..., spread_m: _Optional[float] = ..., ambient: _Optional[float] = ..., static: bool = ..., dimensions: _Optional[int] = ..., sensor_lag_s: _Optional[float] = ..., extent: _Optional[float] = ..., activations_s: _Optional[_Iterable[float]] = ..., ambient_drift_per_s: _Optional[float] = ...) -> None: ...
 
 class Estimate(_message.Message):
     __slots__ = ("verdict", "verdict_name", "verdict_sentence", "reason", "gauge", "sources", "path", "medium", "spread_m", "noise_sd", "log_likelihood", "position_covariance_m2", "path_aligned_covariance_m2", "parameter_names", "parameter_covariance", "residual", "unseen_directions", "diagnostics_json", "alternatives")
@@ -154,3 +156,41 @@ class Truth(_message.Message):
     amplitude: _containers.RepeatedScalarFieldContainer[float]
     vertices_m: Array
     def __init__(self, source_position_m: _Optional[_Union[Array, _Mapping]] = ..., amplitude: _Optional[_Iterable[float]] = ..., vertices_m: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
+
+class Range(_message.Message):
+    __slots__ = ("median_m", "p90_m")
+    MEDIAN_M_FIELD_NUMBER: _ClassVar[int]
+    P90_M_FIELD_NUMBER: _ClassVar[int]
+    median_m: float
+    p90_m: float
+    def __init__(self, median_m: _Optional[float] = ..., p90_m: _Optional[float] = ...) -> None: ...
+
+class Prediction(_message.Message):
+    __slots__ = ("fewest_sources", "most_sources", "spread_m", "area_m", "peak", "noise_sd", "readings_per_m", "length_m", "source_error_m", "path_error_m", "source_error_aligned_m", "path_error_aligned_m", "unidentifiable_share")
+    FEWEST_SOURCES_FIELD_NUMBER: _ClassVar[int]
+    MOST_SOURCES_FIELD_NUMBER: _ClassVar[int]
+    SPREAD_M_FIELD_NUMBER: _ClassVar[int]
+    AREA_M_FIELD_NUMBER: _ClassVar[int]
+    PEAK_FIELD_NUMBER: _ClassVar[int]
+    NOISE_SD_FIELD_NUMBER: _ClassVar[int]
+    READINGS_PER_M_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_ERROR_M_FIELD_NUMBER: _ClassVar[int]
+    PATH_ERROR_M_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_ERROR_ALIGNED_M_FIELD_NUMBER: _ClassVar[int]
+    PATH_ERROR_ALIGNED_M_FIELD_NUMBER: _ClassVar[int]
+    UNIDENTIFIABLE_SHARE_FIELD_NUMBER: _ClassVar[int]
+    fewest_sources: int
+    most_sources: int
+    spread_m: float
+    area_m: _containers.RepeatedScalarFieldContainer[float]
+    peak: float
+    noise_sd: float
+    readings_per_m: float
+    length_m: float
+    source_error_m: Range
+    path_error_m: Range
+    source_error_aligned_m: Range
+    path_error_aligned_m: Range
+    unidentifiable_share: float
+    def __init__(self, fewest_sources: _Optional[int] = ..., most_sources: _Optional[int] = ..., spread_m: _Optional[float] = ..., area_m: _Optional[_Iterable[float]] = ..., peak: _Optional[float] = ..., noise_sd: _Optional[float] = ..., readings_per_m: _Optional[float] = ..., length_m: _Optional[float] = ..., source_error_m: _Optional[_Union[Range, _Mapping]] = ..., path_error_m: _Optional[_Union[Range, _Mapping]] = ..., source_error_aligned_m: _Optional[_Union[Range, _Mapping]] = ..., path_error_aligned_m: _Optional[_Union[Range, _Mapping]] = ..., unidentifiable_share: _Optional[float] = ...) -> None: ...

@@ -12,10 +12,10 @@ import time
 
 from dslam_mav.errors import DslamError, MissionError
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, messages
-from dslam_mav.mav.link import Link
 from dslam_mav.mav.mission.compare import first_difference
 from dslam_mav.mav.mission.talk import Talk
 from dslam_mav.mav.mission.transfer import download, upload
+from dslam_mav.mav.ports import Port
 from dslam_mav.mission import Mission
 
 RESTORES = 3
@@ -23,7 +23,7 @@ PLACE_WAIT_S = 1.2  # autopilots send MISSION_CURRENT every second
 PLACE_TRIES = 3
 
 
-def change(link: Link, vehicle_system: int, old: Mission, new: Mission, flying_seq: int) -> Mission:
+def change(link: Port, vehicle_system: int, old: Mission, new: Mission, flying_seq: int) -> Mission:
     """Give the vehicle `new` in place of `old` while it flies to item `flying_seq`: the mission as it holds it.
 
     DslamError, one line: it does not hold `new`. It says whether the vehicle holds `old`: what was there is read back,
@@ -41,12 +41,13 @@ def change(link: Link, vehicle_system: int, old: Mission, new: Mission, flying_s
     return held
 
 
-def _restore(link: Link, vehicle_system: int, old: Mission) -> bool:
+def _restore(link: Port, vehicle_system: int, old: Mission) -> bool:
     """Whether the vehicle holds `old` again, or still."""
+    profile = Talk(link, vehicle_system).profile()
     for _ in range(RESTORES):
         try:
             held = download(link, vehicle_system).items
-            if first_difference(old.items, held, first=1 if len(held) > 1 else 0) is None:
+            if first_difference(old.items, held, 1 if profile.home_item else 0, profile) is None:
                 return True
             upload(link, vehicle_system, old, in_flight=True)
             return True
@@ -55,7 +56,7 @@ def _restore(link: Link, vehicle_system: int, old: Mission) -> bool:
     return False
 
 
-def keep_place(link: Link, vehicle_system: int, seq: int) -> None:
+def keep_place(link: Port, vehicle_system: int, seq: int) -> None:
     """Make sure that the vehicle flies to item `seq` or one behind it. MissionError: it does not."""
     talk = Talk(link, vehicle_system)
     for _ in range(PLACE_TRIES):

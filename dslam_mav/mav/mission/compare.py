@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from dslam_mav.mav.frames import messages
+from dslam_mav.mav.profile import Profile, profile_of
 from dslam_mav.mission import (
     CMD_CHANGE_SPEED,
     CMD_LAND,
@@ -22,9 +23,10 @@ from dslam_mav.mission import (
 
 _PLAIN_FRAME = {5: 0, 6: 3, 11: 10}
 _PLACE_STEPS_E7 = 1  # about 1 cm
-_ALTITUDE_M = 0.0101
+_SLACK = 1.01
 _RELATIVE = 1e-5  # float32 on the wire, twice
 _PARAMETER = 0.0101
+_ANY = profile_of(0)
 
 # the parameters (from 0) that decide the flight; of other commands all
 _NEEDED = {
@@ -36,15 +38,17 @@ _NEEDED = {
 }
 
 
-def first_difference(sent: tuple[MissionItem, ...], held: tuple[MissionItem, ...], first: int = 0) -> str | None:
-    """The first item and field that differ beyond the known roundings, in words; None: the same mission.
+def first_difference(
+    sent: tuple[MissionItem, ...], held: tuple[MissionItem, ...], first: int = 0, profile: Profile = _ANY
+) -> str | None:
+    """The first item and field that differ beyond the profile's roundings, in words; None: the same mission.
 
     Items before `first` are the vehicle's own (ArduPilot keeps its home in item 0).
     """
     if len(sent) != len(held):
         return f"{len(sent)} items were sent, the vehicle holds {len(held)}"
     for seq, (ours, theirs) in enumerate(zip(sent[first:], held[first:], strict=True), first):
-        if (field := _difference(ours, theirs)) is not None:
+        if (field := _difference(ours, theirs, profile)) is not None:
             name, mine, other = field
             return f"item {seq} ({command_name(ours.command)}): {name}: sent {mine}, the vehicle holds {other}"
     return None
@@ -56,7 +60,7 @@ def command_name(command: int) -> str:
     return f"command {command}" if entry is None else str(entry.name).removeprefix("MAV_CMD_")
 
 
-def _difference(ours: MissionItem, theirs: MissionItem) -> tuple[str, object, object] | None:
+def _difference(ours: MissionItem, theirs: MissionItem, profile: Profile) -> tuple[str, object, object] | None:
     if ours.command != theirs.command:
         return "command", command_name(ours.command), command_name(theirs.command)
     placed = ours.has_position and ours.command not in (CMD_CHANGE_SPEED, CMD_RETURN_TO_LAUNCH)
@@ -66,11 +70,14 @@ def _difference(ours: MissionItem, theirs: MissionItem) -> tuple[str, object, ob
         for name, mine, other in (("x", ours.x, theirs.x), ("y", ours.y, theirs.y)):
             if abs(mine - other) > _PLACE_STEPS_E7:
                 return name, mine, other
-    if (placed or ours.command in (CMD_TAKEOFF, CMD_WAYPOINT)) and not _near(ours.z, theirs.z, _ALTITUDE_M):
+    if (placed or ours.command in (CMD_TAKEOFF, CMD_WAYPOINT)) and not _near(
+        ours.z, theirs.z, _SLACK * profile.altitude_step_m
+    ):
         return "z", ours.z, theirs.z
     for index in _NEEDED.get(ours.command, (0, 1, 2, 3)):
         wanted, got = ours.params[index], theirs.params[index]
-        whole = ours.command == CMD_WAYPOINT and math.isfinite(wanted) and got == math.trunc(wanted)
+        cut = profile.whole_holds and ours.command == CMD_WAYPOINT
+        whole = cut and math.isfinite(wanted) and got == math.trunc(wanted)
         if not whole and not _near(wanted, got, _PARAMETER):
             return f"param{index + 1}", wanted, got
     return None

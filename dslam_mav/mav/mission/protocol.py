@@ -17,6 +17,8 @@ from dslam_mav.mission import MissionItem
 TIMEOUT_S = 1.5
 ITEM_TIMEOUT_S = 0.25
 RETRIES = 5
+ITEM_RETRIES = 19
+"""Items are asked for so often again, for 5 s as PX4 does: links that are silent for seconds lose no transfer."""
 
 ACCEPTED = 0
 ERROR = 1
@@ -224,7 +226,7 @@ def step_download(state: Transfer, message: Message | None, now_s: float) -> Ste
 
 
 def _expect(state: Transfer, seq: int, now_s: float) -> Step:
-    return replace(state, seq=seq, deadline_s=now_s + ITEM_TIMEOUT_S, retries=RETRIES), (Request(seq),)
+    return replace(state, seq=seq, deadline_s=now_s + ITEM_TIMEOUT_S, retries=ITEM_RETRIES), (Request(seq),)
 
 
 def step_clear(state: Transfer, message: Message | None, now_s: float) -> Step:

@@ -16,9 +16,9 @@ from dslam_mav.mav.mission.protocol import (
     DENIED,
     ERROR,
     INVALID_SEQUENCE,
+    ITEM_RETRIES,
     ITEM_TIMEOUT_S,
     NO_SPACE,
-    RETRIES,
     Ack,
     ClearAll,
     Count,
@@ -44,7 +44,7 @@ class Incoming:
     count: int
     deadline_s: float
     items: tuple[MissionItem, ...] = ()
-    retries: int = RETRIES
+    retries: int = ITEM_RETRIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def _item(state: Server, peer: Peer, message: Item, now_s: float, judge: Judge) 
     items = (*incoming.items, item)
     if len(items) == incoming.count:
         return Server(items=items, finished=peer), ((peer, Ack(ACCEPTED)),)
-    incoming = replace(incoming, items=items, deadline_s=now_s + ITEM_TIMEOUT_S, retries=RETRIES)
+    incoming = replace(incoming, items=items, deadline_s=now_s + ITEM_TIMEOUT_S, retries=ITEM_RETRIES)
     return replace(state, incoming=incoming), ((peer, Request(seq + 1)),)
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from dslam_mav.errors import LinkError
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, messages
-from dslam_mav.mav.link import Link
+from dslam_mav.mav.ports import Port
+from dslam_mav.mav.profile import GENERIC, Profile, profile_of
 
 HEARTBEAT_S = 1.0
 SILENCE_S = 5.0  # autopilots send a HEARTBEAT every second
@@ -16,10 +17,6 @@ COMMAND_TIMEOUT_S = 1.5
 COMMAND_RETRIES = 5
 _TEXT_WAIT_S = 0.3
 _WARNING = 4
-
-GENERIC = 0
-ARDUPILOT = 3
-PX4 = 12
 
 _RESULTS = (
     "accepted",
@@ -38,15 +35,19 @@ UNSUPPORTED = 3
 class Talk:
     """One vehicle on a link, for as long as something is asked of it.
 
-    `text` is the last STATUSTEXT of a warning or worse, "" if none; `armed` whether any HEARTBEAT said so;
-    `doing` names what is under way, for the message should the vehicle disappear.
+    `text` is the last STATUSTEXT of a warning or worse, "" if none; `armed` whether any HEARTBEAT said so, `state` what
+    the last one said: (armed, custom_mode), `beats` how many there were; `param_error` is the name of the parameter the
+    vehicle last said it has not; `doing` names what is under way, for the message should the vehicle disappear.
     """
 
-    def __init__(self, link: Link, vehicle_system: int) -> None:
+    def __init__(self, link: Port, vehicle_system: int) -> None:
         self.link = link
         self.system = vehicle_system
         self.text = ""
         self.armed = False
+        self.state = (False, 0)
+        self.beats = 0
+        self.param_error = ""
         self.doing = ""
         self.heard = False
         self.heard_s = time.monotonic()
@@ -64,7 +65,8 @@ class Talk:
                 self._beat_s = now_s
             if now_s - self.heard_s > SILENCE_S:
                 what = f"disappeared{self.doing}" if self.heard else "does not answer"
-                raise LinkError(f"vehicle {self.system} on {self.link.url} {what}: nothing heard for {SILENCE_S:g} s")
+                silence = f"nothing heard for {SILENCE_S:g} s{self.link.refusals}"
+                raise LinkError(f"vehicle {self.system} on {self.link.url} {what}: {silence}")
             next_s = min(until_s, self._beat_s + HEARTBEAT_S, self.heard_s + SILENCE_S + 0.01)
             frame = self.link.receive(max(0.0, next_s - now_s))
             if frame is not None and self._is_ours(frame.message):
@@ -83,6 +85,10 @@ class Talk:
         while self.system not in self.link.autopilots and time.monotonic() < deadline_s:
             self.receive(deadline_s)
         return self.link.autopilots.get(self.system, (GENERIC, 0))
+
+    def profile(self) -> Profile:
+        """How the vehicle behaves: as the pilot says, or else as its HEARTBEAT does."""
+        return self.link.profile or profile_of(self.autopilot()[0])
 
     def command(self, command: int, *params: float) -> int:
         """Send COMMAND_LONG until it is answered: its MAV_RESULT. LinkError when no answer comes."""
@@ -104,6 +110,10 @@ class Talk:
         until_s = time.monotonic() + _TEXT_WAIT_S
         while not self.text and time.monotonic() < until_s:
             self.receive(until_s)
+        return self.words()
+
+    def words(self) -> str:
+        """What the vehicle said last, as `: "text"`, or ""."""
         return f': "{self.text}"' if self.text else ""
 
     def _await_ack(self, command: int) -> int | None:
@@ -135,7 +145,12 @@ class Talk:
             self.text = " ".join(message.text.split())
         elif kind == "HEARTBEAT":
             self.link.autopilots[self.system] = (int(message.autopilot), int(message.type))
-            self.armed = self.armed or bool(message.base_mode & messages().MAV_MODE_FLAG_SAFETY_ARMED)
+            armed = bool(message.base_mode & messages().MAV_MODE_FLAG_SAFETY_ARMED)
+            self.armed = self.armed or armed
+            self.state = (armed, int(message.custom_mode))
+            self.beats += 1
+        elif kind == "PARAM_ERROR":
+            self.param_error = message.param_id
 
 
 def result_in_words(result: int) -> str:

@@ -223,7 +223,7 @@ def test_start_of_an_ardupilot_goes_by_guided_and_tells_the_prearm_text() -> Non
     with ScriptedVehicle(answer, autopilot=3) as fake, ground(fake.url) as link:
         with pytest.raises(MissionError, match='refused to arm: failed: "PreArm: GPS 1: Bad fix"'):
             start(link, 1)
-    assert commands == [(176, 1.0, 4.0), (400, 1.0, 0.0)]
+    assert commands == [(224, 1.0, 1.0), (176, 1.0, 4.0), (400, 1.0, 0.0)]
 
 
 def test_two_stations_at_once_one_wins_and_the_mission_is_whole() -> None:
@@ -247,3 +247,16 @@ def test_two_stations_at_once_one_wins_and_the_mission_is_whole() -> None:
             held = download(link, 1).items
     assert any(first_difference(plan.items, held) is None for plan in plans)
     assert any(isinstance(end, Mission) for end in ends) or all(isinstance(e, MissionError) for e in ends)
+
+
+def test_an_ardupilot_that_accepts_the_start_and_stays_on_the_ground_is_found_out() -> None:
+    def answer(message: Any) -> list[Any]:
+        if message.get_type() != "COMMAND_LONG":
+            return []
+        return [M.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
+
+    told: list[str] = []
+    with ScriptedVehicle(answer, autopilot=3) as fake, ground(fake.url) as link:
+        with pytest.raises(MissionError, match="accepted the start of its mission but does not fly it"):
+            start(link, 1, 5.0, told.append)
+    assert "disarmed before its mission began" in told[0]

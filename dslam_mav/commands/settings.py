@@ -1,0 +1,77 @@
+"""`--set KEY=VALUE`: assumptions changed one by one over those a log was recorded with. KEY is an option's name."""
+
+from __future__ import annotations
+
+import math
+from argparse import ArgumentTypeError
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from dslam_mav.assumptions import Assumptions
+from dslam_mav.commands.options import ANY, N_SOURCES, NOT_NEGATIVE, POSITIVE, SEED
+from dslam_mav.errors import BadInputError
+
+_Parse = Callable[[str], Any]
+
+
+def _auto(parse: _Parse) -> _Parse:
+    """What `parse` takes, or the word auto: find it out."""
+    return lambda text: None if text == "auto" else parse(text)
+
+
+def _one_of(*words: str) -> _Parse:
+    def parse(text: str) -> str:
+        if text not in words:
+            raise ArgumentTypeError(f"{text!r}: expected {' or '.join(words)}")
+        return text
+
+    return parse
+
+
+def _whether(text: str) -> bool:
+    return bool(_one_of("yes", "no", "true", "false")(text) in ("yes", "true"))
+
+
+_KEYS: dict[str, tuple[str, _Parse]] = {
+    "sources": ("n_sources", _auto(N_SOURCES)),
+    "spread": ("spread_m", _auto(POSITIVE)),
+    "diffusivity": ("diffusivity_m2_s", _auto(POSITIVE)),
+    "activation": ("activation_s", _auto(ANY)),
+    "ambient": ("ambient", _auto(ANY)),
+    "ambient-drift": ("ambient_drift_per_s", _auto(ANY)),
+    "lag": ("sensor_lag_s", _auto(NOT_NEGATIVE)),
+    "static": ("static", _whether),
+    "evolving": ("static", lambda text: not _whether(text)),
+    "closed": ("closed", _whether),
+    "heading": ("heading", _one_of("none", "vehicle", "plan")),
+    "heading-sd": ("heading_sd_rad", lambda text: math.radians(NOT_NEGATIVE(text))),
+    "distance": ("distance", _auto(_one_of("odometry", "speed", "plan", "auto"))),
+    "method": ("method", _one_of("joint", "paper")),
+    "seed": ("seed", SEED),
+}
+
+
+def with_settings(assumptions: Assumptions, settings: Sequence[str]) -> Assumptions:
+    """The assumptions with each "KEY=VALUE" in its place; BadInputError names the setting and what would be right."""
+    given: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        key = key.strip().replace("_", "-")
+        if not equals or key not in _KEYS:
+            raise BadInputError(f"--set {setting}: expected KEY=VALUE with KEY of {', '.join(_KEYS)}")
+        name, parse = _KEYS[key]
+        try:
+            given[name] = parse(text.strip())
+        except ArgumentTypeError as problem:
+            raise BadInputError(f"--set {setting}: {problem}") from None
+    if given.get("activation_s") is not None and not given["activation_s"] < 0.0:
+        raise BadInputError(f"--set activation={given['activation_s']:g}: expected a time before the flight, below 0")
+    if given.get("spread_m") is not None:  # as --spread does: only a static field has one
+        if given.setdefault("static", True) is False:
+            raise BadInputError(
+                f"--set spread={given['spread_m']:g}: expected with a static field, got an evolving one"
+            )
+    elif given.get("static") is False:
+        given["spread_m"] = None
+    return replace(assumptions, **given)

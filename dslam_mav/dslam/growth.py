@@ -1,0 +1,167 @@
+"""After a flight: how its information grew leg by leg (theory, section 9).
+
+Readings are independent, so the information of the first n legs is the sum of theirs. It is taken at the layout the
+whole flight found: what those legs could have told at best of the very sources that turned out to be there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.align import to_canonical
+from dslam_mav.dslam.bound import source_columns
+from dslam_mav.dslam.expected import QUIET, vertex_columns
+from dslam_mav.dslam.joint import evaluate
+from dslam_mav.dslam.kernels.expected import Unknown
+from dslam_mav.dslam.path import path_columns
+from dslam_mav.dslam.priors import CLOSED_SHARE
+from dslam_mav.dslam.problem import Known, Problem, problem
+from dslam_mav.dslam.scoring import has_positions
+from dslam_mav.dslam.state import State, layout
+from dslam_mav.records import Estimate, Flight, Medium
+
+Array = NDArray[np.float64]
+
+UNSEEN = 1e-12  # of a scaled information matrix' largest eigenvalue: no information
+UNSEEN_SD = 1e9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Growth:
+    """Standard deviations an axis, √(trace/d), after legs 1 … L by the bound: of each source (L, K), and RMS over the
+    vertices reached (L,). Infinite where a place is not bounded.
+    """
+
+    source_sd_m: Array
+    path_sd_m: Array
+
+
+def growth(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: float | None = None) -> Growth | None:
+    """Of a flight in straight legs and its answer; None without positions, or where numbers fail. `medium`: as assumed,
+    None is unknown.
+    """
+    if not (flight.legs and has_positions(estimate) and len(flight.legs) == len(estimate.path.heading_rad)):
+        return None
+    if not (estimate.noise_sd > 0.0 and all(leg.reading.size for leg in flight.legs)):
+        return None
+    if not (np.minimum(estimate.sources.amplitude, estimate.sources.peak_reading) > 0.0).all():
+        return None
+    prob = _problem(flight, estimate, medium, heading_sd_rad)
+    try:
+        return _growth(flight, prob, _state(prob, estimate), estimate.noise_sd)
+    except np.linalg.LinAlgError:
+        return None
+
+
+@QUIET
+def _growth(flight: Flight, prob: Problem, state: State, noise_sd: float) -> Growth | None:
+    at = layout(prob, len(state.s))
+    jacobian = evaluate(prob, state, at)[1] / noise_sd
+    if not np.isfinite(jacobian).all():
+        return None
+    ends = np.cumsum([leg.reading.size for leg in flight.legs])
+    known = jacobian[ends[-1] :]
+    total = np.zeros((at.size, at.size))
+    by_source, by_vertex = source_columns(at, len(state.s)), path_columns(prob, state, at)
+    source_sd, path_sd = [], []
+    for n, (first, last) in enumerate(zip(np.append(0, ends), ends, strict=False), start=1):
+        total = total + jacobian[first:last].T @ jacobian[first:last]
+        later = slice(at.heading.start + n - 1, at.heading.stop)
+        sooner = known[~known[:, later].any(axis=1)]  # a path closes with its last leg
+        covariance = _inverse(total + sooner.T @ sooner, later)
+        source_sd.append(_sd(by_source, covariance))
+        path_sd.append(np.sqrt(np.mean(_sd(by_vertex[: n + 1], covariance) ** 2)))
+    return Growth(_told(np.array(source_sd), state.spread), _told(np.array(path_sd), state.spread))
+
+
+def path_sd_m(estimate: Estimate) -> float:
+    """The standard deviation an axis of the estimate's own path, RMS over its vertices; NaN where it is not known."""
+    vertices, names = estimate.path.vertices_m, estimate.parameter_names
+    longer = any(name.startswith("length of leg") for name in names)
+    wanted = [f"heading of leg {j}" for j in range(2, len(vertices))]
+    wanted += [f"length of leg {j}" for j in range(1, len(vertices))] if longer else []
+    if not has_positions(estimate) or not set(wanted) <= set(names) or not wanted:
+        return float("nan")
+    own = [names.index(name) for name in wanted]
+    columns = vertex_columns(vertices, Unknown(longer, False, False))
+    covariance = estimate.parameter_covariance[np.ix_(own, own)]
+    return float(np.sqrt(np.mean(_sd(columns, covariance) ** 2)))
+
+
+def _problem(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: float | None) -> Problem:
+    noise, theta = estimate.noise_sd, estimate.path.heading_rad - estimate.path.heading_rad[0]
+    length_sd = np.array([leg.length_sd_m for leg in flight.legs])
+    known = Known(
+        heading=None if heading_sd_rad is None else (theta, heading_sd_rad),
+        closed_sd=CLOSED_SHARE * float(flight.lengths_m.sum()) if flight.closed else None,
+        length_sd=length_sd if length_sd.any() else None,
+    )
+    prob = problem(flight, medium)
+    freed = "extent" in estimate.parameter_names
+    return replace(prob, extent=None if freed else estimate.medium.extent or 0.0, known=_in_noise(known, noise))
+
+
+def _in_noise(known: Known, noise_sd: float) -> Known:
+    """Priors' standard deviations in units of a reading's noise."""
+    return Known(
+        heading=None if known.heading is None else (known.heading[0], known.heading[1] / noise_sd),
+        closed_sd=None if known.closed_sd is None else known.closed_sd / noise_sd,
+        length_sd=None if known.length_sd is None else known.length_sd / noise_sd,
+    )
+
+
+def _state(prob: Problem, estimate: Estimate) -> State:
+    """The answer as the joint model has it, in the canonical gauge of its own path."""
+    sources, path = estimate.sources, estimate.path.vertices_m
+    d = path.shape[1]
+    home = to_canonical(path)
+    corner = home.apply(path)
+    step = np.diff(corner, axis=0)
+    spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi
+    state = State.flat(
+        prob,
+        np.arctan2(step[:, 1], step[:, 0]),
+        home.apply(sources.position_m),
+        np.log(sources.amplitude),
+        np.log(spread2),
+    )
+    if prob.rate is None:
+        mu = estimate.medium.diffusivity_m2_s
+        rate = 4.0 * mu if mu else float(spread2[0])
+        state = replace(state, log_rate=float(np.log(rate)))
+    if d == 3:
+        state = replace(state, climb=np.arcsin(np.clip(step[:, 2] / prob.length, -1.0, 1.0)))
+    lag = estimate.medium.sensor_lag_s
+    return replace(
+        state,
+        ambient=estimate.medium.ambient or 0.0,
+        extent=estimate.medium.extent or 0.0,
+        log_lag=float(np.log(lag)) if lag else -np.inf,
+    )
+
+
+def _inverse(total: Array, later: slice) -> Array:
+    """(P, P) covariance; headings of legs not flown yet are left out, and what no reading depends on."""
+    size = np.sqrt(np.diag(total))
+    told = np.setdiff1d(np.flatnonzero(size > 0.0), np.arange(later.start, later.stop))
+    unit = size[told]
+    values, vectors = np.linalg.eigh(total[np.ix_(told, told)] / np.outer(unit, unit))
+    blind = values <= UNSEEN * max(float(values[-1]), 1e-300)
+    inverse = np.where(blind, UNSEEN_SD**2, 1.0 / np.where(blind, 1.0, values))
+    covariance = np.zeros_like(total)
+    covariance[np.ix_(told, told)] = (vectors * inverse) @ vectors.T / np.outer(unit, unit)
+    return covariance
+
+
+def _sd(columns: Array, covariance: Array) -> Array:
+    """(M,) √(trace/d) of M points, from what every unknown does to them (M, d, P)."""
+    variance = ((columns @ covariance) * columns).sum(axis=(1, 2)) / columns.shape[1]
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _told(sd: Array, spread_m: float) -> Array:
+    """Infinite where a place is known to no better than a thousand spreads: nothing but rounding bounds it."""
+    return np.where(sd < 1e3 * spread_m, sd, np.inf)

@@ -1,0 +1,51 @@
+"""What a person should know of the legs that were collected, and which way they went. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from dslam_mav.legs.assembly import FlownLeg
+from dslam_mav.legs.plan import PlanFacts
+
+
+def notes(
+    counts: Counter[str], legs_counts: Counter[str], legs: tuple[FlownLeg, ...], plan: PlanFacts | None, *, heard: bool
+) -> tuple[str, ...]:
+    """One line each on what was set aside, and on legs that say little; `heard`: there were readings at all."""
+    lines = [f"{n} readings were not finite and were dropped" for n in [counts["not finite"]] if n]
+    if n := counts["off the clock"]:
+        lines.append(f"{n} readings had times that are not of the vehicle's clock and were dropped")
+    if n := counts["restarts"]:
+        lines.append(f"the autopilot's clock started again {n} times; the longest unbroken part is used")
+    if not heard:
+        lines.append("no readings were heard: is the bridge or the sensor running?")
+    if missed := _missed(legs, plan):
+        lines.append(f"legs 1 to {missed} of the mission are missing: leg 1 here is its leg {missed + 1}")
+    for j, leg in enumerate(legs, 1):
+        if leg.value.size == 0:
+            lines.append(f"leg {j} of {len(legs)} has no readings")
+        elif leg.value.size > 1 and np.ptp(leg.value) == 0.0:
+            lines.append(f"leg {j} of {len(legs)}: all {leg.value.size} readings are {leg.value[0]:g}")
+    if n := legs_counts["legs lost"]:
+        lines.append(f"{n} legs could not be told apart or measured; the longest unbroken part is used")
+    return tuple(lines)
+
+
+def _missed(legs: tuple[FlownLeg, ...], plan: PlanFacts | None) -> int:
+    """How many of the plan's legs lie before the first one here."""
+    if plan is None or not legs or legs[0].start_seq not in plan.vertices:
+        return 0
+    return plan.vertices.index(legs[0].start_seq)
+
+
+def mean_heading_rad(leg: FlownLeg, yaw: list[tuple[int, float]]) -> float:
+    """The mean yaw of the middle three fifths of a leg, counter-clockwise from east; NaN where none was heard."""
+    margin_ms = 0.2 * (leg.end_ms - leg.start_ms)
+    inside = [r for t, r in yaw if leg.start_ms + margin_ms <= t <= leg.end_ms - margin_ms]
+    if not inside:
+        return math.nan
+    mean_rad = math.atan2(math.fsum(map(math.sin, inside)), math.fsum(map(math.cos, inside)))
+    return math.remainder(0.5 * math.pi - mean_rad, 2.0 * math.pi)

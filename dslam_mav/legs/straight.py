@@ -1,0 +1,51 @@
+"""The straight part of a leg, and the line it lies on (pure).
+
+A vehicle comes out of a corner sideways and swings round the next one. What was read there lies beside the line that
+the rest of the leg was flown on, by metres where legs are forty: it is set aside. The line is found in the leg's own
+displacement, from scalars that turning or mirroring the frame leaves alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+ASIDE_SHARE = 1.0 / 80.0
+"""Readings farther beside the line than this share of the leg are not of its straight part …"""
+
+ASIDE_MEDIANS = 3.0
+"""… where that is also so many times the median: a leg flown unsteadily has no corners to be told from the rest."""
+
+LEAST_SHARE = 0.5
+"""A leg of whose readings fewer would stay has no straight part: all stay."""
+
+ROUNDS = 6
+
+
+def straight_part(along_m: Array, across_m: Array, length_m: float) -> tuple[float, Mask]:
+    """Of places `along_m` (N,) and `across_m` (N,) from the leg's chord, the slope of the line that most lie on, and
+    which readings (N,) lie on it. Slope 0 and all of them where there is no such line.
+    """
+    every = np.ones(along_m.size, dtype=np.bool_)
+    slope, on_line = _line(along_m, across_m, every), every
+    for _ in range(ROUNDS):
+        beside = np.abs(across_m - slope[0] - slope[1] * along_m)
+        near = beside <= max(ASIDE_SHARE * length_m, ASIDE_MEDIANS * float(np.median(beside))) if beside.size else every
+        if near.sum() < LEAST_SHARE * near.size or np.array_equal(near, on_line):
+            break
+        slope, on_line = _line(along_m, across_m, near), near
+    return slope[1], on_line
+
+
+def _line(along_m: Array, across_m: Array, chosen: Mask) -> tuple[float, float]:
+    """Offset and slope of the least-squares line through the chosen places."""
+    s, off = along_m[chosen], across_m[chosen]
+    if s.size < 2:
+        return 0.0, 0.0
+    middle, mean = float(s.mean()), float(off.mean())
+    spread = float(((s - middle) * (s - middle)).sum())
+    slope = float(((s - middle) * (off - mean)).sum()) / spread if spread > 0.0 else 0.0
+    return mean - slope * middle, slope

@@ -1,0 +1,1 @@
+"""One point of a sweep, pure: its randomness, its flight estimated, its answer judged, and what many come to."""

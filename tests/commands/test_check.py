@@ -1,0 +1,80 @@
+"""`check`: what a vehicle's parameters are and should be, --fix, --restore."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from fakes import flying
+from running import run
+
+from dslam_mav.mav.gps_denied import findings
+
+
+def values(url: str, *words: object) -> dict[str, float]:
+    return {row["name"]: row["value"] for row in run("check", "--connect", url, *words, "--json").object["parameters"]}
+
+
+@pytest.mark.parametrize(
+    ("profile", "navigation", "named"),
+    [("ardupilot", "flow", "EK3_SRC1_VELXY"), ("ardupilot", "odometry", "VISO_TYPE"), ("px4", "flow", "EKF2_OF_CTRL"),
+     ("px4", "odometry", "EKF2_EV_CTRL")],
+)  # fmt: skip
+def test_what_is_wrong_is_set_remembered_and_put_back(
+    profile: str, navigation: str, named: str, tmp_path: Path
+) -> None:
+    saved = tmp_path / "before.json"
+    with flying(profile=profile) as (url,):
+        to = ("--connect", url, "--saved", saved)
+        shipped = values(url, "--navigation", navigation)
+        first = run("check", *to, "--navigation", navigation)
+        assert first.code == 1
+        (line,) = [line for line in first.out.splitlines() if line.startswith(named)]
+        assert "<--" in line
+        fixed = run("check", *to, "--navigation", navigation, "--fix", "--json")
+        assert (fixed.code, fixed.object["ready"], fixed.err) == (0, True, "")
+        assert named in fixed.object["changed"]
+        assert json.loads(saved.read_text())["parameters"][named]["value"] == shipped[named]
+        assert fixed.object["reboot"] is (profile == "ardupilot")
+        again = run("check", *to, "--json").object  # finds out itself what it is set for
+        assert (again["ready"], again["navigation"]) == (True, navigation)
+        assert run("check", *to, "--restore").code == 0
+        assert values(url, "--navigation", navigation) == shipped
+        assert not saved.exists()
+
+
+def test_fixing_twice_keeps_what_was_there_first(tmp_path: Path) -> None:
+    saved = tmp_path / "before.json"
+    with flying(profile="ardupilot") as (url,):
+        to = ("--connect", url, "--saved", saved)
+        for navigation in ("flow", "odometry"):
+            assert run("check", *to, "--navigation", navigation, "--fix").code == 0
+        assert json.loads(saved.read_text())["parameters"]["EK3_SRC1_POSXY"]["value"] == 3.0
+
+
+def test_only_its_owner_knows_a_real_vehicles_sensors() -> None:
+    held = {"GPS1_TYPE": 0.0, "FLOW_TYPE": 0.0, "RNGFND1_TYPE": 20.0}
+    found = {f.name: f for f in findings("ardupilot", "flow", held)}
+    assert (found["FLOW_TYPE"].ok, found["FLOW_TYPE"].wanted) == (False, None)
+    assert found["RNGFND1_TYPE"].ok
+    assert "SIM_FLOW_ENABLE" not in found
+    assert found["EK3_SRC1_YAW"].value is None
+    old = {f.name: f for f in findings("ardupilot", "flow", {"GPS_TYPE": 1.0})}
+    assert (old["GPS_TYPE"].ok, old["GPS_TYPE"].wanted) == (False, 0)
+    more = {f.name: f for f in findings("px4", "vision", {"EKF2_EV_CTRL": 4.0})}
+    assert more["EKF2_EV_CTRL"].wanted == 15.0, "bits that are set stay set"
+
+
+def test_bad_files_and_vehicles_are_one_line(tmp_path: Path) -> None:
+    saved = tmp_path / "before.json"
+    saved.write_text('{"system": 9, "parameters": {}}')
+    with flying(profile="ardupilot") as (url,):
+        other = run("check", "--connect", url, "--saved", saved, "--restore")
+        assert (other.code, "system 9: expected 1" in other.line()) == (2, True)
+        saved.write_text("{}")
+        assert "expected what" in run("check", "--connect", url, "--saved", saved, "--restore").line()
+        none = run("check", "--connect", url, "--saved", tmp_path / "none.json", "--restore")
+        assert (none.code, "cannot be read: no such file" in none.line()) == (2, True)
+    with flying() as (url,):
+        assert "expected ardupilot or px4" in run("check", "--connect", url).line()

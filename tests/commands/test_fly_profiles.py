@@ -1,0 +1,57 @@
+"""`fly --connect`: one connection, a vehicle with ArduPilot's or PX4's ways, from a plan drawn anywhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fakes import flying
+from running import run
+
+from dslam_mav.log.reader import read_log
+from dslam_mav.mission import Home, leg_plan
+from missions.plan_file import read_plan
+
+THERE = Home(-35.363262, 149.165237, 584.0)
+
+
+def test_ardupilot_on_optical_flow_over_the_one_place_of_a_tcp_port(flown: Any, tmp_path: Path) -> None:
+    """GPS-denied: it is told where it stands, drifts, and the readings are taken where it truly is."""
+    with flying("tcpin:127.0.0.1:0", profile="ardupilot", feed="flow", speedup=20.0, home=THERE) as (url,):
+        words = ("fly", flown.plan, "--scene", flown.scene, "--sources", 2, "--connect", url, "--out", tmp_path)
+        far = run(*words)  # the plan's home is on another continent
+        assert far.code == 2
+        assert "km from vehicle 1: plan it there (--home -35.363262,149.165237,584)" in far.line()
+        done = run(*words, "--here", "--json")
+        held = tmp_path / "held.plan"
+        assert run("download", "--connect", url, "-o", held).code == 0
+    assert (done.code, done.err) == (0, "")
+    assert max(done.object["errors"]["sources_m"]) < 2.0
+    log = read_log(Path(done.object["log"]))
+    assert len(log.readings) > 150
+    heard = {frame[7:10] for _, frame in log.frames}
+    assert (108).to_bytes(3, "little") in heard, "SIM_STATE"
+    ours, theirs = (leg_plan(read_plan(file).mission).vertices_m for file in (flown.plan, held))
+    assert theirs == pytest.approx(ours, abs=0.05)
+
+
+def test_px4_takes_off_and_flies_a_plan_that_has_a_home_item(flown: Any, tmp_path: Path) -> None:
+    with flying(profile="px4", speedup=20.0) as (url,):
+        done = run(
+            "fly", flown.plan, "--scene", flown.scene, "--sources", 2, "--connect", url, "--out", tmp_path / "logs",
+        )  # fmt: skip
+    assert (done.code, done.err) == (0, "")
+    assert "get an acceptance radius of 0.5 m" in done.out
+    assert "noise sd" in done.out
+
+
+def test_odometry_is_fed_by_us_and_several_connections_are_shared_out(flown: Any, tmp_path: Path) -> None:
+    with flying(*["tcpin:127.0.0.1:0"] * 3, profile="ardupilot", feed="odometry", speedup=20.0) as urls:
+        connect = [word for url in urls for word in ("--connect", url)]
+        done = run(
+            "fly", "--scene", flown.scene, "--sources", 2, *connect, "--feed-odometry", "--truth-from", "sim",
+            "--out", tmp_path / "logs", "--json",
+        )  # fmt: skip
+    assert (done.code, done.err) == (0, "")
+    assert max(done.object["errors"]["sources_m"]) < 2.0

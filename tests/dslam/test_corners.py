@@ -1,0 +1,82 @@
+"""Legs that begin beside the corner the last one ended at: drift of the dead reckoning, corners flown round."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from random_scenes import INSIDE_95, random_case
+
+from dslam_mav import Flight, Medium, Verdict, estimate
+from dslam_mav.dslam.field import field
+
+MEDIUM = Medium(spread_m=1.0, static=True)
+CORNER_SD = 0.02
+SEEDS = range(12)
+
+
+def _with_loose_corners(seed: int, corner_sd: float) -> tuple[Flight, np.ndarray]:
+    """A scene at 40 dB, every leg but the first begun `corner_sd` off along each axis, and where its sources are."""
+    case = random_case((4711, seed), 2, 40.0)
+    rng = np.random.default_rng((seed, 1))
+    at, legs = np.zeros(2), []
+    for leg, heading in zip(case.flight.legs, case.heading_rad, strict=True):
+        way = np.array([np.cos(heading), np.sin(heading)])
+        clean = field(at + leg.distance_m[:, None] * way, 1.0, case.position_m, case.amplitude)
+        noisy = clean + case.noise_sd * rng.standard_normal(clean.size)
+        legs.append(replace(leg, reading=noisy))
+        at = at + leg.length_m * way + corner_sd * rng.standard_normal(2)
+    return Flight(tuple(legs)), case.position_m
+
+
+def _told(flight: Flight, corner_sd_m: float) -> Flight:
+    return Flight(tuple(replace(leg, corner_sd_m=corner_sd_m) for leg in flight.legs))
+
+
+def _off(result, truth) -> np.ndarray:
+    """(K, 2) of the answer or alternative nearest to the truth; its covariance tells what was to be expected."""
+    pairs = [
+        (mode.sources.position_m[list(order)] - truth, mode.position_covariance_m2[list(order)])
+        for mode in (result, *result.alternatives)
+        for order in permutations(range(len(truth)))
+    ]
+    return min(pairs, key=lambda pair: float((pair[0] ** 2).sum()))
+
+
+@pytest.fixture(scope="module")
+def answers():
+    flights = [_with_loose_corners(seed, CORNER_SD) for seed in SEEDS]
+    return [
+        (estimate(flight, MEDIUM, 2), estimate(_told(flight, CORNER_SD), MEDIUM, 2), truth) for flight, truth in flights
+    ]
+
+
+def test_loose_corners_are_fitted_where_they_are_told_of(answers):
+    errors = [[np.linalg.norm(_off(result, truth)[0]) for result in pair] for *pair, truth in answers]
+    taken_as_exact, fitted = np.median(errors, axis=0)
+    assert fitted < 0.7 * taken_as_exact
+
+
+def test_errors_are_what_the_covariance_says(answers):
+    inside = []
+    for _, result, truth in answers:
+        assert result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS)
+        off, covariance = _off(result, truth)
+        inside += [d @ np.linalg.solve(c, d) < INSIDE_95 for d, c in zip(off, covariance, strict=True)]
+    assert np.mean(inside) >= 0.7
+
+
+def test_the_answer_names_the_corners_it_found_loose(answers):
+    named = [sum(name.startswith("corner") for name in result.parameter_names) for _, result, _ in answers]
+    assert set(named) <= {0, 12}
+    assert named.count(12) >= 9
+
+
+def test_exact_corners_stay_exact():
+    """Readings that exact corners explain are not given away to corners that might be loose."""
+    for seed in range(3):
+        flight, _ = _with_loose_corners(seed, 0.0)
+        plain, told = estimate(flight, MEDIUM, 2), estimate(_told(flight, CORNER_SD), MEDIUM, 2)
+        assert plain.sources.position_m.tobytes() == told.sources.position_m.tobytes()

@@ -1,0 +1,1 @@
+"""What needs heavy third-party clients: `make interop`."""
