@@ -13,7 +13,7 @@ from running import SCENE, Done, run
 
 from dslam_mav.commands import steering
 from dslam_mav.log.reader import read_log
-from dslam_mav.mav.mission import change, protocol
+from dslam_mav.mav.mission import change, protocol, server
 from dslam_mav.mission import leg_plan
 from dslam_mav.records import Flight
 from missions.adviser import Advice, Adviser
@@ -106,6 +106,7 @@ def test_a_change_that_fails_in_flight_leaves_the_old_mission_flying(
 
     monkeypatch.setattr(MissionService, "handle", refuses)
     monkeypatch.setattr(protocol, "RETRIES", 0)
+    monkeypatch.setattr(server, "ITEM_TIMEOUT_S", 60.0)  # it does not ask again
     done = fly(scene)
     assert done.code == 0, done.err
     assert "the old mission stays and is flown on" in done.err
