@@ -12,7 +12,7 @@ from fakes import ScriptedVehicle, flying, mission
 
 from dslam_mav.errors import MissionError
 from dslam_mav.mav.frames import messages
-from dslam_mav.mav.link import Link
+from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission import change as changing
 from dslam_mav.mav.mission import protocol, talk
 from dslam_mav.mav.mission.change import change
@@ -89,15 +89,21 @@ def ground(url: str) -> Link:
     return Link(url, system=255, component=190)
 
 
-def test_a_flying_vehicle_takes_it_and_flies_it() -> None:
-    with flying(speedup=5.0) as (url,), ground(url) as link:
+@pytest.mark.parametrize("profile", ["strict", "ardupilot", "px4"])
+def test_a_flying_vehicle_takes_it_and_flies_it(profile: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(changing, "PLACE_WAIT_S", 0.6)
+    with flying(speedup=8.0, profile=profile) as (url,), ground(url) as link:
+        wait_for_vehicle(link, 10.0)
         held = upload(link, 1, OLD)
-        start(link, 1)
-        seq = until_current(link, FLYING)
-        got = change(link, 1, held, NEW, seq)
-        assert first_difference(NEW.items, got.items) is None
-        assert first_difference(NEW.items, download(link, 1).items) is None
-        until_current(link, FLYING + 1)
+        link.send(M.MAVLink_command_long_message(1, 1, 511, 0, 42, 200_000, 0, 0, 0, 0, 0))  # MISSION_CURRENT, often
+        start(link, 1, 60.0)
+        flown = leg_plan(held).sequence
+        new = continued(held, flown[1], [2.0, 1.0, -2.5], [30.0, 20.0, 25.0])
+        seq = until_current(link, flown[1])
+        got = change(link, 1, held, new, seq)
+        assert first_difference(new.items, got.items) is None
+        assert first_difference(new.items, download(link, 1).items) is None
+        assert until_current(link, flown[1] + 1) == flown[1] + 1
 
 
 def until_current(link: Link, seq: int) -> int:

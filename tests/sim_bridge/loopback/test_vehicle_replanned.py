@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from fakes import mission
 
-from dslam_mav.mission import Mission, enu_to_e7
+from dslam_mav.mission import CMD_WAYPOINT, Mission, enu_to_e7
 from sim_bridge.loopback.autopilot import Autopilot
+from sim_bridge.loopback.manners import manners
 from sim_bridge.loopback.telemetry import Mode
 from sim_bridge.vehicle import DEFAULT_HOME
 
@@ -90,3 +91,52 @@ def test_a_shorter_mission_ends_where_it_now_ends() -> None:
     heard = flight(own)
     assert [m.seq for m in heard["MISSION_ITEM_REACHED"]] == [FIRST + 2]
     assert not own.armed
+
+
+def copter(plan: Mission) -> Autopilot:
+    """With PX4's ways and inertia, under way on its second leg."""
+    own = Autopilot(DEFAULT_HOME, manners=manners("px4"))
+    own.set_items(plan.items)
+    own.advance(20_000)
+    assert own.start_mission() == ""
+    own.advance(40_000)
+    return own
+
+
+def holding(plan: Mission) -> Mission:
+    """It stops at its corners."""
+    items = (replace(i, params=(1.0, *i.params[1:])) if i.command == CMD_WAYPOINT else i for i in plan.items)
+    return replace(plan, items=tuple(items))
+
+
+def test_with_inertia_too_the_leg_under_way_is_flown_as_it_would_have_been() -> None:
+    plan = holding(mission(CORNERS))
+    untouched, changed = copter(plan), copter(plan)
+    here = untouched.snapshot()
+    assert here.seq == FIRST + 2
+    changed.set_items(moved(plan, FIRST + 3, -25.0, -10.0).items)
+    heard = flight(changed, 140_000)
+    assert [m.seq for m in heard["MISSION_ITEM_REACHED"]] == [FIRST + 2, FIRST + 3]
+    same = places(flight(untouched, 42_000))
+    np.testing.assert_array_equal(same, places(heard)[: len(same)])
+    assert np.abs(places(heard)[:, 1:] - (-10.0, -25.0)).sum(axis=1).min() < 0.5
+
+
+def test_with_inertia_it_turns_without_a_jolt() -> None:
+    plan = holding(mission(CORNERS))
+    own = copter(plan)
+    here = own.snapshot()
+    assert np.hypot(*here.velocity_m_s[:2]) > 1.0
+    assert own.choose_first(FIRST + 3) == ""
+    after = flight(own, own.time_ms + 40)["LOCAL_POSITION_NED"][-1]
+    assert np.hypot(after.vx - here.velocity_m_s[0], after.vy - here.velocity_m_s[1]) < 0.6
+
+
+def test_a_mission_that_it_will_not_fly_leaves_it_where_it_is() -> None:
+    plan = holding(mission(CORNERS))
+    own = copter(plan)
+    here = own.snapshot()
+    own.set_items(plan.items, flyable=False)
+    flight(own, own.time_ms + 5_000)
+    assert own.snapshot().place_m == here.place_m
+    assert (own.armed, own.mode, own.in_mission) == (True, Mode.HOLD, False)
