@@ -76,6 +76,7 @@ class Bridge:
         self._clock = WireClock()
         self._current: int | None = None
         self._armed = False
+        self._behind: int | None = None  # items of the mission behind its last vertex
 
     def run(self, stop: threading.Event, *, silence_s: float = SILENCE_S) -> None:
         """Serve until the last vertex is reached or `stop` is set.
@@ -126,6 +127,10 @@ class Bridge:
     def _heading_for(self, message: Any) -> None:
         """MISSION_CURRENT says the same as MISSION_ITEM_REACHED, should that be lost, and that the mission is over."""
         before, self._current = self._current, int(message.seq)
+        if (total := int(getattr(message, "total", 0))) > 0:
+            if self._behind is None or not self.sampler.started:
+                self._behind = total - self.sampler.last_seq
+            self.sampler.end_at(total - self._behind, self._current)
         if before is not None and self._current > before:
             self.sampler.passed(before, self._current)
         if message.mission_state == messages().MISSION_STATE_COMPLETE:

@@ -108,6 +108,20 @@ class Sampler:
         """Whether readings are being taken, or were."""
         return self._start_ms is not None
 
+    def follow(self, vertex_seqs: Sequence[int]) -> None:
+        """The mission's part to come is another; the vertices passed stay."""
+        self._vertices = tuple(vertex_seqs)
+
+    @property
+    def last_seq(self) -> int:
+        """The vertex at which it ends; 0: there is none."""
+        return self._vertices[-1] if self._vertices else 0
+
+    def end_at(self, last_seq: int, current_seq: int) -> None:
+        """The last vertex is another: in flight to item `current_seq` the mission was changed behind it."""
+        if self.started and not self.finished and last_seq != self.last_seq:
+            self.follow((*(v for v in self._vertices if v <= current_seq), *range(current_seq + 1, last_seq + 1)))
+
     def reached(self, seq: int) -> None:
         """MISSION_ITEM_REACHED: a vertex ends a leg and begins the next; others do nothing."""
         if seq not in self._vertices or self._vertices.index(seq) <= self._at or self._last is None:

@@ -51,7 +51,7 @@ HOUSE = {
     "replay": (f"{LEGS} dslam log mav", "numpy"),
     "flight_log": (f"{LEGS} export log mav recordings replay", "numpy pandas"),
     "dslam_mav": (f"{LEGS} dslam dslam.paper flight_log replay", ""),
-    "missions": (f"{BASE} dslam files", "numpy scipy"),
+    "missions": (f"{BASE} dslam files", "numpy scipy threadpoolctl"),
     "sim_bridge": (f"{BASE} mav sim_bridge.fields sim_bridge.loopback", "numpy"),
     "sim_bridge.fields": (f"{BASE} dslam log mav series", "numpy scipy msgspec"),
     "sim_bridge.loopback": (f"{BASE} mav", "numpy"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dslam_mav.commands.adaptive_options import check
 from dslam_mav.commands.assume import assumptions_from
 from dslam_mav.commands.flying import Setup, fly
 from dslam_mav.commands.folder import flight_folder
@@ -31,6 +32,7 @@ SENSED_M = 10.0
 def run(options: Namespace) -> int:
     """Fly; exit code 0 when sources were reconstructed."""
     screen = Screen(json_only=options.json)
+    check(options)
     setup = _set_up(options, screen)
     for note in setup.notes:
         screen.warn(note)

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from argparse import Namespace
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
+from dslam_mav.commands.adaptive import Flying, steer
 from dslam_mav.commands.assume import in_words
 from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
 from dslam_mav.commands.folder import point_latest
-from dslam_mav.commands.launching import begin, complain
+from dslam_mav.commands.launching import begin, complain, loopback
 from dslam_mav.commands.meeting import Met, met, suit
 from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.readings import Readings
@@ -33,7 +33,6 @@ from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
 from dslam_mav.records import Truth
 from sim_bridge.bridge import Bridge
-from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 from sim_bridge.whereabouts import Whereabouts
 
 ESTIMATE_PATIENCE_S = 120.0
@@ -67,14 +66,15 @@ class _Crew:
 def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outcome:
     """One flight, logged in `folder`. What ends it early once it has begun is in the outcome, not raised."""
     with ExitStack() as stack:
-        urls = options.connect or (stack.enter_context(_loopback(options, setup)),) * 3
+        urls = options.connect or (stack.enter_context(loopback(options, setup.mission, setup.signing)),) * 3
         vehicle = stack.enter_context(met(urls, options, setup.signing))
         system = vehicle.system
         stack.enter_context(vehicle.fed(bool(options.connect) and options.feed_odometry))
         if options.connect:
             here = options.here or options.plan is None
             setup = replace(setup, mission=suit(vehicle, setup.mission, options, screen, here=here))
-        held = as_logged(_upload(vehicle, setup, screen))
+        given = _upload(vehicle, setup, screen)
+        held = as_logged(given)
         legs = leg_plan(held)
         recorder = stack.enter_context(Recorder(folder / "flight.mcap"))
         point_latest(folder)
@@ -83,11 +83,14 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         _attach(recorder, setup, truth)
         prediction = predict(recorder, held, setup.assumptions, setup.readings.sensor)
         crew = _crew(vehicle, setup, held, recorder, options)
+        collector = crew.onboard.collector
+        flying = Flying(vehicle, given, collector, recorder, setup.assumptions)
+        now_held = steer(stack, flying, options, screen, lambda changed: _changed(changed, setup, crew, recorder))
         stopped = _follow(vehicle, crew, legs, screen)
         if options.connect and isinstance(stopped, KeyboardInterrupt):
             screen.warn(f"vehicle {system} was not told to stop: it goes on with its mission")
-        collector = crew.onboard.collector
-        flown = collector.legs(final=True)
+        held, flown = now_held(), collector.legs(final=True)
+        legs, truth = leg_plan(held), _truth(setup, held)
         return Outcome(
             flight=flight_of(flown),
             estimate=crew.onboard.result,
@@ -146,6 +149,13 @@ def _crew(vehicle: Met, setup: Setup, held: Mission, recorder: Recorder, options
         ask_after_s=vehicle.profile.ask_after_s,
     )
     return _Crew(onboard, bridge, updates)
+
+
+def _changed(held: Mission, setup: Setup, crew: _Crew, recorder: Recorder) -> None:
+    """The vehicle holds another mission: sensor and truth follow it."""
+    crew.bridge.sampler.follow(leg_plan(held).sequence)
+    if (truth := _truth(setup, held)) is not None:
+        recorder.truth(time.time_ns(), truth)
 
 
 def _follow(vehicle: Met, crew: _Crew, legs: LegPlan, screen: Screen) -> DslamError | KeyboardInterrupt | None:
@@ -237,14 +247,3 @@ def _facts(setup: Setup, legs: LegPlan, sent: int) -> dict[str, str]:
         "readings": f"{sent} from {setup.readings.name}",
         "speed": f"{setup.readings.speed_m_s:g} m/s",
     }
-
-
-@contextmanager
-def _loopback(options: Namespace, setup: Setup) -> Iterator[str]:
-    """A loopback vehicle of our own; the URL to reach it at."""
-    home = home_of(setup.mission) or DEFAULT_HOME
-    vehicle = Vehicle(
-        ["udpin:127.0.0.1:0"], speedup=options.speedup, seed=options.seed or 0, home=home, signing=setup.signing
-    )
-    with background(vehicle.run, "vehicle"):
-        yield vehicle.urls[0].replace("udpin", "udpout", 1)

@@ -1,16 +1,33 @@
-"""Getting a flight off the ground, and what the vehicle complains of."""
+"""A vehicle of our own, getting a flight off the ground, and what the vehicle complains of."""
 
 from __future__ import annotations
 
 import time
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from dslam_mav.commands.background import Background
+from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.meeting import READY_PATIENCE_S, Met
 from dslam_mav.commands.screen import Screen
 from dslam_mav.mav.mission.start import start
+from dslam_mav.mav.signing import Signing
+from dslam_mav.mission import Mission, home_of
+from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 
 _ERROR = 3  # MAV_SEVERITY
+
+
+@contextmanager
+def loopback(options: Namespace, mission: Mission, signing: Signing | None) -> Iterator[str]:
+    """A loopback vehicle of our own; the URL to reach it at."""
+    home = home_of(mission) or DEFAULT_HOME
+    vehicle = Vehicle(
+        ["udpin:127.0.0.1:0"], speedup=options.speedup, seed=options.seed or 0, home=home, signing=signing
+    )
+    with background(vehicle.run, "vehicle"):
+        yield vehicle.urls[0].replace("udpin", "udpout", 1)
 
 
 def begin(vehicle: Met, workers: tuple[Background, Background], screen: Screen) -> None:

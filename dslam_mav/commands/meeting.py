@@ -11,7 +11,13 @@ from dataclasses import dataclass
 from dslam_mav.commands.background import background
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
-from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_ESTIMATOR, COMPONENT_GROUND, SYSTEM_GROUND
+from dslam_mav.mav.frames import (
+    COMPONENT_BRIDGE,
+    COMPONENT_ESTIMATOR,
+    COMPONENT_GROUND,
+    COMPONENT_STEERING,
+    SYSTEM_GROUND,
+)
 from dslam_mav.mav.hub import Hub, Role
 from dslam_mav.mav.link import wait_for_vehicle
 from dslam_mav.mav.mission.suit import suited
@@ -47,6 +53,12 @@ class Met:
     def estimator(self) -> Role:
         """The estimator's end: on the second connection, if there are several."""
         return self._join(1, COMPONENT_ESTIMATOR)
+
+    def steering(self) -> Role:
+        """The end of who changes the mission in flight: beside the estimator, by the pilot's word on the vehicle."""
+        role = self._join(1, COMPONENT_STEERING)
+        role.profile = self.ground.profile
+        return role
 
     def bridge(self) -> Role:
         """The bridge's end: on the last connection."""

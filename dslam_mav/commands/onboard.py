@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from contextlib import ExitStack
 from pathlib import Path
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
+from dslam_mav.commands.adaptive import Flying, steer
+from dslam_mav.commands.adaptive_options import check
 from dslam_mav.commands.assume import assumptions_from, in_words
 from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
@@ -31,6 +34,7 @@ def run(options: Namespace) -> int:
     """Listen to one flight, estimate after every leg, log everything."""
     screen = Screen(json_only=options.json)
     assumptions = assumptions_from(options)
+    check(options)
     out = Path(options.out)
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
@@ -41,7 +45,8 @@ def run(options: Namespace) -> int:
 
 def _listen(vehicle: Met, assumptions: Assumptions, options: Namespace, screen: Screen) -> int:
     out, system = Path(options.out), vehicle.system
-    mission = as_logged(_mission(vehicle, options))
+    held = _mission(vehicle, options)
+    mission = as_logged(held)
     vehicle.hubs[0].leave(vehicle.ground)
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
@@ -61,12 +66,14 @@ def _listen(vehicle: Met, assumptions: Assumptions, options: Namespace, screen: 
             yaw=assumptions.heading == "vehicle",
             ask_after_s=vehicle.profile.ask_after_s,
         )
-        screen.say(f"listening to vehicle {system} on {options.connect}, logging to {out}")
-        with background(onboard.run, "onboard", ESTIMATE_PATIENCE_S) as worker:
-            try:
-                _watch(worker, updates, len(leg_plan(mission).lengths_m), screen)
-            except KeyboardInterrupt as signal:
-                stopped = signal
+        with ExitStack() as stack:
+            steer(stack, Flying(vehicle, held, collector, recorder, assumptions), options, screen)
+            screen.say(f"listening to vehicle {system} on {options.connect}, logging to {out}")
+            with background(onboard.run, "onboard", ESTIMATE_PATIENCE_S) as worker:
+                try:
+                    _watch(worker, updates, len(leg_plan(mission).lengths_m), screen)
+                except KeyboardInterrupt as signal:
+                    stopped = signal
         if worker.error is not None and not isinstance(worker.error, DslamError):
             raise worker.error
         outcome = Outcome(
@@ -94,8 +101,8 @@ def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Scree
 
 
 def _mission(vehicle: Met, options: Namespace) -> Mission:
-    """The mission: from `--plan`, or as the vehicle holds it."""
-    if options.plan:
+    """The mission: from `--plan`, or as the vehicle holds it, as it must to be changed."""
+    if options.plan and not options.adaptive:
         mission = vehicle.numbered(read_plan(Path(options.plan)).mission)
     else:
         mission = download(vehicle.ground, vehicle.system)

@@ -77,6 +77,20 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--seed", metavar="N", type=SEED, help="of the search, the noise and the vehicle")
 
 
+def adaptive(parser: argparse.ArgumentParser) -> None:
+    """A mission decided as it is flown; see `commands.adaptive`."""
+    group = parser.add_argument_group("the mission in flight")
+    group.add_argument(
+        "--adaptive", action="store_true",
+        help="after each leg choose the legs to come by what the readings so far leave open, and send them to the "
+        "vehicle as it flies; the mission's length stays, its first leg is flown as planned",
+    )  # fmt: skip
+    group.add_argument(
+        "--target-sd", metavar="M", type=POSITIVE,
+        help="with --adaptive: end the legs once no other answer fits and every source is this sure",
+    )  # fmt: skip
+
+
 def recording(parser: argparse.ArgumentParser) -> None:
     """What a recording somebody else made does not say of itself."""
     parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: the log's)")

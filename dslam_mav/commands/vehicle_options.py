@@ -107,6 +107,7 @@ def _onboard(commands: Commands) -> None:
     parser.add_argument("--out", metavar="FILE", required=True, help="the log to write (.mcap)")
     parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: asked of the vehicle)")
     shared.assumptions(parser)
+    shared.adaptive(parser)
     shared.vehicle_link(parser)
 
 
@@ -118,6 +119,7 @@ def _fly(commands: Commands) -> None:
     parser.add_argument("plan", nargs="?", metavar="PLAN", help="(default: the path of the scene)")
     shared.source_of_readings(parser)
     shared.assumptions(parser)
+    shared.adaptive(parser)
     shared.vehicle_link(
         parser, required=False, several=True,
         help_text=f"{shared.CONNECT_HELP}; all goes over it, or over several: again for the estimator, again for the "

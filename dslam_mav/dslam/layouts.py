@@ -73,9 +73,11 @@ class Layouts:
 
     def part(self, first: int, last: int) -> Layouts:
         """Some of them."""
-        return Layouts(
-            self.places[first:last], self.peak[first:last], self.spread_m[first:last], self.rate_m2_s[first:last]
-        )
+        return self.chosen(slice(first, last))
+
+    def chosen(self, which: slice | NDArray[np.int64]) -> Layouts:
+        """Some of them, maybe several times."""
+        return Layouts(self.places[which], self.peak[which], self.spread_m[which], self.rate_m2_s[which])
 
     @property
     def k_sources(self) -> int:

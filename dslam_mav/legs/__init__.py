@@ -4,5 +4,15 @@ from dslam_mav.legs.assembly import FlownLeg
 from dslam_mav.legs.collector import LegCollector, flight_of
 from dslam_mav.legs.distance import Distance
 from dslam_mav.legs.plan import PlanFacts, plan_facts, plan_headings_rad
+from dslam_mav.legs.under_way import UnderWay
 
-__all__ = ["Distance", "FlownLeg", "LegCollector", "PlanFacts", "flight_of", "plan_facts", "plan_headings_rad"]
+__all__ = [
+    "Distance",
+    "FlownLeg",
+    "LegCollector",
+    "PlanFacts",
+    "UnderWay",
+    "flight_of",
+    "plan_facts",
+    "plan_headings_rad",
+]

@@ -22,6 +22,7 @@ from dslam_mav.legs.distance import Distance
 from dslam_mav.legs.notes import mean_heading_rad, notes
 from dslam_mav.legs.passing import Event
 from dslam_mav.legs.plan import PlanFacts
+from dslam_mav.legs.under_way import UnderWay, part_flown
 from dslam_mav.observations import GroundSpeed, Observation, Odometry, Progress, Reading, Yaw
 from dslam_mav.records import Flight, Leg
 
@@ -120,6 +121,12 @@ class LegCollector:
             events = self._events if final else self._events[: self._checked]
             legs, self.legs_counts = assemble(events, self._samples, self.plan, self.distance)
             return legs
+
+    def under_way(self) -> UnderWay | None:
+        """The flight so far with the leg being flown, as far as it is read; None: none is, or it cannot be measured."""
+        with self._lock:
+            newest_ms = min(self._newest_reading_ms, self._newest_odometry_ms)
+            return part_flown(self._events, self._samples, self.plan, self.distance, newest_ms)
 
     def flight(self, final: bool = False) -> Flight:
         """The flight of `legs`: see `flight_of`."""

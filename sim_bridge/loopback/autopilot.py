@@ -27,10 +27,18 @@ class Autopilot(UnderWay):
     """The vehicle and its orders: missions, modes, arming."""
 
     def set_items(self, items: tuple[MissionItem, ...], *, flyable: bool = True) -> None:
-        """A new mission, not begun; one that is not `flyable` is held but not flown."""
+        """A new mission, not begun; one under way goes on at the same item, as PX4 and ArduPilot have it. One that is
+        not `flyable` is held but not flown: a vehicle under way then stays where it is.
+        """
+        begins = 1 if self.manners.missions == "ardupilot" else 0  # item 0 is home there
         self._items = items if flyable else ()
-        self._seq = self.first_seq = 1 if self.manners.missions == "ardupilot" else 0  # item 0 is home there
-        self.mission_state = MissionState.NOT_STARTED if self._items else MissionState.NO_MISSION
+        if self.in_mission and len(self._items) > begins:
+            self._go_on()
+        else:
+            if self.in_mission:
+                self._stay()
+            self._seq = self.first_seq = begins
+            self.mission_state = MissionState.NOT_STARTED if self._items else MissionState.NO_MISSION
         self._tell(MISSION_CURRENT)
 
     def arm(self) -> Refusal:
@@ -81,10 +89,12 @@ class Autopilot(UnderWay):
 
     def choose_first(self, seq: int) -> Refusal:
         """The item the next mission begins with."""
-        if self.in_mission:
-            return "item refused: mission under way"
         if not 0 <= seq < len(self._items):
             return f"item {seq} refused: {len(self._items)} items here"
+        if self.in_mission:
+            if seq != self._seq:
+                self._turn_to(seq)
+            return ""
         self.first_seq = self._seq = seq
         return ""
 
@@ -102,6 +112,35 @@ class Autopilot(UnderWay):
         start_ms = -(-(self.time_ms + 1) // _START_GRID_MS) * _START_GRID_MS
         self._flight = Flight(timeline, start_ms, is_mission=True)
         return ""
+
+    def _go_on(self) -> None:
+        """After the items changed: as planned if it is the same until the segment under way ends."""
+        flight = self._flight
+        assert flight is not None
+        first = self.first_seq = min(self.first_seq, len(self._items) - 1)
+        if not flight.redirect(self._lay_out(self._items, first, flight.timeline)):
+            self._turn_to(self._seq)
+
+    def _turn_to(self, seq: int) -> None:
+        """Fly to another item from here on; the flight goes on in time."""
+        flight, first = self._flight, min(seq, len(self._items) - 1)
+        assert flight is not None
+        timeline = self._lay_out(self._items, first, turning=True)
+        if not timeline.segments:
+            self._stay()
+            return
+        self._flight = flight.turned(timeline, self.time_ms)
+        if self._flight.index == 0:
+            self._seq = timeline.segments[0].seq
+            if self._flight.held_ms is None:
+                self._body.follow(timeline.segments[0])
+            self._tell(MISSION_CURRENT)
+
+    def _stay(self) -> None:
+        """No mission is flown any more."""
+        self._flight = None
+        self._body.stop()
+        self._set_mode(Mode.HOLD)
 
     def _go_home(self, mode: Mode) -> None:
         command = CMD_RETURN_TO_LAUNCH if mode is Mode.RETURN else CMD_LAND

@@ -39,6 +39,20 @@ class Flight:
             return NEVER_MS
         return self.start_ms + (self.timeline.segments[self.index].end_ms if self.index >= 0 else 0)
 
+    def redirect(self, timeline: Timeline) -> bool:
+        """Another flight that is this one until the segment under way ends; False: it is not, nothing changes."""
+        done = self.index + 1
+        if timeline.segments[:done] != self.timeline.segments[:done] or len(timeline.segments) < max(done, 1):
+            return False
+        self.timeline = timeline
+        return True
+
+    def turned(self, timeline: Timeline, time_ms: int) -> Flight:
+        """The flight gone on with another timeline from now; one not begun, or paused, stays so."""
+        if self.index < 0:
+            return Flight(timeline, self.start_ms, is_mission=True)
+        return Flight(timeline, time_ms, is_mission=True, index=0, held_ms=None if self.held_ms is None else 0)
+
     def go_on(self, time_ms: int) -> None:
         """After a pause, from where it was."""
         if self.held_ms is not None:

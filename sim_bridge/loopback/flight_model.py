@@ -63,10 +63,12 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """A whole flight, laid out; `lands` says that it ends on the ground."""
+    """A whole flight, laid out from `origin_m` and `yaw_rad`; `lands` says that it ends on the ground."""
 
     segments: tuple[Segment, ...]
     lands: bool
+    origin_m: Place = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
 
     def at(self, time_ms: int) -> Segment:
         """The segment under way at `time_ms` (at a boundary: the one that begins)."""
@@ -138,17 +140,30 @@ def lay_out(
         if lands:
             break
         lands = _add_item(layout, seq, item, home, speed_m_s)
-    return Timeline(tuple(layout.segments), lands)
+    return Timeline(tuple(layout.segments), lands, place_m, yaw_rad)
+
+
+def speed_before(items: Sequence[MissionItem], seq: int, default_m_s: float) -> float:
+    """The cruise speed that the items before item `seq` ask for."""
+    layout = _Layout((0.0, 0.0, 0.0), 0.0, default_m_s)
+    for item in items[:seq]:
+        _change_speed(layout, item, default_m_s)
+    return layout.speed_m_s
+
+
+def _change_speed(layout: _Layout, item: MissionItem, default_m_s: float) -> None:
+    if item.command != CMD_CHANGE_SPEED:
+        return
+    if (wanted := item.params[1]) > 0.0:
+        layout.speed_m_s = wanted
+    elif wanted == -2.0:  # "back to the default"
+        layout.speed_m_s = default_m_s
 
 
 def _add_item(layout: _Layout, seq: int, item: MissionItem, home: Home, default_m_s: float) -> bool:
     """Lay out one item; True if it ends on the ground."""
     if item.command == CMD_CHANGE_SPEED:
-        wanted = item.params[1]
-        if wanted > 0.0:
-            layout.speed_m_s = wanted
-        elif wanted == -2.0:  # "back to the default"
-            layout.speed_m_s = default_m_s
+        _change_speed(layout, item, default_m_s)
     elif item.command == CMD_TAKEOFF:
         north, east, _ = layout.place_m
         layout.fly(seq, (north, east, _down_m(item, home)), CLIMB_M_S, corner=True, reached=True)

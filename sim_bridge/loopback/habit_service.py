@@ -70,6 +70,9 @@ class HabitService:
         return out
 
     def _note(self) -> None:
+        """Tell the autopilot of another mission; one under way goes on with it once all is said."""
+        if self._autopilot.in_mission and math.isfinite(self._habits.due_ms):
+            return
         held = self._habits.items, self._habits.flyable
         if held[0] is not self._held[0] or held[1] != self._held[1]:
             self._held = held

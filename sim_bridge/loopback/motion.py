@@ -19,7 +19,7 @@ _STIFFNESS = 1.3**2  # 1/s²
 _DAMPING = 2.0 * 0.35 * 1.3  # 1/s
 _NEAR_M = 0.02
 _REACH = 2.0 * math.sqrt(2.0)  # a parabola from so far before a right angle passes it at 1
-_STILL: Place = (0.0, 0.0, 0.0)
+STILL: Place = (0.0, 0.0, 0.0)
 _SETTLE_S = 30.0
 
 
@@ -50,17 +50,20 @@ class _State:
     bend: _Bend | None = None
 
 
-def with_inertia(timeline: Timeline, accept_m: float) -> Timeline:
-    """The same flight as a vehicle with mass flies it; a right angle without a wait is cut by about `accept_m`."""
+def with_inertia(timeline: Timeline, accept_m: float, velocity_m_s: Place = STILL) -> Timeline:
+    """The same flight as a vehicle with mass flies it; a right angle without a wait is cut by about `accept_m`.
+
+    `velocity_m_s`: NED, at the flight's start.
+    """
     if not timeline.segments:
         return timeline
     out: list[Segment] = []
-    state = _State(list(timeline.segments[0].origin_m), [0.0, 0.0, 0.0])
+    state = _State(list(timeline.segments[0].origin_m), list(velocity_m_s))
     segments = timeline.segments
     for index, segment in enumerate(segments):
         following = segments[index + 1] if index + 1 < len(segments) else None
         _fly(state, segment, _bend(segment, following, accept_m), out)
-    return Timeline(tuple(out), timeline.lands)
+    return Timeline(tuple(out), timeline.lands, timeline.origin_m, timeline.yaw_rad)
 
 
 def _bend(segment: Segment, following: Segment | None, accept_m: float) -> _Bend | None:
@@ -81,7 +84,7 @@ def _fly(state: _State, segment: Segment, bend: _Bend | None, out: list[Segment]
     length_m, cruise_m_s = math.dist(origin, target), math.hypot(*segment.velocity_m_s)
     if length_m == 0.0:
         for _ in range(0, segment.end_ms - segment.start_ms, STEP_MS):
-            _step(state, segment, (target, _STILL, _STILL), out)
+            _step(state, segment, (target, STILL, STILL), out)
         _close(state, segment, out)
         return
     begun_m = 0.0
@@ -97,7 +100,7 @@ def _fly(state: _State, segment: Segment, bend: _Bend | None, out: list[Segment]
         distance_m, speed_m_s = run.step()
         lead = _between(origin, target, distance_m / length_m)
         velocity = _place([v / cruise_m_s * speed_m_s for v in segment.velocity_m_s])
-        _step(state, segment, (lead, velocity, _STILL), out)
+        _step(state, segment, (lead, velocity, STILL), out)
     if bend is not None:
         _round(state, segment, bend, 0.0, out)
     state.bend = bend

@@ -13,9 +13,9 @@ from dslam_mav.mav.frames import messages
 from dslam_mav.mission import Home, MissionItem
 from sim_bridge.loopback.body import Body
 from sim_bridge.loopback.flight import NEVER_MS, Flight, Outgoing
-from sim_bridge.loopback.flight_model import Segment, Timeline, lay_out
+from sim_bridge.loopback.flight_model import Segment, Timeline, lay_out, speed_before
 from sim_bridge.loopback.manners import Manners
-from sim_bridge.loopback.motion import with_inertia
+from sim_bridge.loopback.motion import STILL, with_inertia
 from sim_bridge.loopback.navigation import Navigation
 from sim_bridge.loopback.parameters import Parameters
 from sim_bridge.loopback.streams import Streams
@@ -73,7 +73,7 @@ class UnderWay:
 
     @property
     def in_mission(self) -> bool:
-        """Whether a mission is being flown, or paused: it must not change under way."""
+        """Whether a mission is being flown, or paused: it cannot be cleared under way."""
         return self._flight is not None and self._flight.is_mission
 
     @property
@@ -123,10 +123,16 @@ class UnderWay:
             self.mode = mode
             self._tell(HEARTBEAT)
 
-    def _lay_out(self, items: tuple[MissionItem, ...], first: int = 0) -> Timeline:
-        place_m, yaw_rad = self._body.place_m, self._body.yaw_rad
-        ideal = lay_out(items, self.home, place_m, speed_m_s=self.cruise_speed_m_s, yaw_rad=yaw_rad, first=first)
-        return with_inertia(ideal, self.manners.accept_m) if self.manners.moves else ideal
+    def _lay_out(
+        self, items: tuple[MissionItem, ...], first: int = 0, begun: Timeline | None = None, *, turning: bool = False
+    ) -> Timeline:
+        """A flight from here, or from where another has `begun`; `turning` in flight, as fast as items before say."""
+        place_m, yaw_rad = (begun.origin_m, begun.yaw_rad) if begun else (self._body.place_m, self._body.yaw_rad)
+        speed_m_s = speed_before(items, first, self.cruise_speed_m_s) if turning else self.cruise_speed_m_s
+        ideal = lay_out(items, self.home, place_m, speed_m_s=speed_m_s, yaw_rad=yaw_rad, first=first)
+        if not self.manners.moves:
+            return ideal
+        return with_inertia(ideal, self.manners.accept_m, self._body.velocity_m_s if turning else STILL)
 
     def _flight_event_ms(self) -> int:
         return NEVER_MS if self._flight is None else self._flight.next_ms

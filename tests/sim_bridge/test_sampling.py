@@ -170,3 +170,24 @@ def test_sampling_is_by_distance_or_by_time(wrong: dict[str, float]) -> None:
 def test_a_mission_without_legs_is_refused() -> None:
     with pytest.raises(BadInputError, match="mission: expected at least 2 waypoints, got 1"):
         Sampler(Sampling(spacing_m=1.0), (4,))
+
+
+def test_a_mission_that_grew_or_shrank_in_flight_is_read_to_its_end() -> None:
+    for by, last in ((2, 7), (-1, 4)):
+        sampler = Sampler(Sampling(spacing_m=1.0), SEQS)
+        for seq in range(2, last + 1):
+            sampler.position(1000 * seq, (10.0 * (seq % 2), 0.0, 1.0))
+            assert not sampler.finished
+            if seq == 3:
+                sampler.end_at(SEQS[-1] + by, 4)  # on the way to item 4
+            sampler.reached(seq)
+        assert sampler.finished
+
+
+def test_before_the_first_vertex_a_mission_may_still_be_any() -> None:
+    sampler = Sampler(Sampling(spacing_m=1.0), SEQS)
+    sampler.end_at(SEQS[-1] + 1, 0)
+    for seq in SEQS:
+        sampler.position(1000 * seq, (10.0 * (seq % 2), 0.0, 1.0))
+        sampler.reached(seq)
+    assert sampler.finished

@@ -39,14 +39,14 @@ def to_message(record: Message, system: int, component: int) -> Any:
             return dialect.MAVLink_mission_count_message(system, component, count)
         case Request(seq):
             return dialect.MAVLink_mission_request_int_message(system, component, seq)
-        case Item(seq, item):
+        case Item(seq, item, in_flight):
             return dialect.MAVLink_mission_item_int_message(
                 system,
                 component,
                 seq,
                 item.frame,
                 item.command,
-                int(seq == 0),  # "current": PX4 begins at the flagged item
+                int(seq == 0 and not in_flight),  # "current": PX4 begins at the flagged item, or jumps there
                 int(item.autocontinue),
                 *item.params,
                 item.x,

@@ -75,10 +75,11 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """MISSION_ITEM_INT."""
+    """MISSION_ITEM_INT; `in_flight`: of a mission that goes on where it is, not at its beginning."""
 
     seq: int
     item: MissionItem
+    in_flight: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,15 +134,16 @@ class Transfer:
     items: tuple[MissionItem, ...] = ()
     retries: int = RETRIES
     result: int = ACCEPTED
+    in_flight: bool = False
 
 
 Step = tuple[Transfer, tuple[Message, ...]]
 
 
-def begin_upload(items: tuple[MissionItem, ...], now_s: float) -> Step:
-    """Offer `items` to the vehicle; go on with `step_upload`."""
+def begin_upload(items: tuple[MissionItem, ...], now_s: float, *, in_flight: bool = False) -> Step:
+    """Offer `items` to the vehicle; go on with `step_upload`. `in_flight`: it goes on at the item it is at."""
     opening = Count(len(items))
-    return Transfer(opening, now_s + TIMEOUT_S, count=len(items), items=items), (opening,)
+    return Transfer(opening, now_s + TIMEOUT_S, count=len(items), items=items, in_flight=in_flight), (opening,)
 
 
 def begin_download(now_s: float) -> Step:
@@ -175,7 +177,7 @@ def step_upload(state: Transfer, message: Message | None, now_s: float) -> Step:
                 deadline_s=now_s + TIMEOUT_S,
                 retries=RETRIES if fresh else state.retries,
             )
-            return state, (Item(seq, state.items[seq]),)
+            return state, (Item(seq, state.items[seq], state.in_flight),)
         case Ack(result) if result == ACCEPTED:
             whole = state.seq == state.count - 1
             return (replace(state, phase=Phase.DONE) if whole else state), ()

@@ -54,7 +54,7 @@ class Server:
     items: tuple[MissionItem, ...] = ()
     incoming: Incoming | None = None
     finished: Peer | None = None
-    locked: bool = False  # in flight: no changes
+    locked: bool = False  # in flight: it may be replaced by another mission, but not by none
 
     @property
     def deadline_s(self) -> float:
@@ -83,7 +83,7 @@ def step_server(  # noqa: PLR0911  one return a message
             known = 0 <= seq < len(state.items)
             return state, ((peer, Item(seq, state.items[seq]) if known else Ack(INVALID_SEQUENCE)),)
         case ClearAll():
-            if _busy(state, peer):
+            if state.locked or _busy(state, peer):
                 return state, ((peer, Ack(DENIED)),)
             return Server(), ((peer, Ack(ACCEPTED)),)
         case Ack(result):
@@ -91,7 +91,7 @@ def step_server(  # noqa: PLR0911  one return a message
 
 
 def _busy(state: Server, peer: Peer) -> bool:
-    return state.locked or (state.incoming is not None and state.incoming.peer != peer)
+    return state.incoming is not None and state.incoming.peer != peer
 
 
 def _drop(state: Server, peer: Peer) -> Server:
@@ -100,7 +100,7 @@ def _drop(state: Server, peer: Peer) -> Server:
 
 
 def _offer(state: Server, peer: Peer, count: int, now_s: float) -> Step:
-    if _busy(state, peer):
+    if _busy(state, peer) or (state.locked and count == 0):
         return state, ((peer, Ack(DENIED)),)
     if count > MAX_ITEMS:
         return state, ((peer, Ack(NO_SPACE)),)

@@ -66,8 +66,11 @@ Progress = Callable[[int, int], None]
 StepFunction = Callable[[Transfer, Message | None, float], Step]
 
 
-def upload(link: Port, vehicle_system: int, mission: Mission, progress: Progress | None = None) -> Mission:
-    """Send the mission, read it back and compare; `progress(items sent, items)`.
+def upload(
+    link: Port, vehicle_system: int, mission: Mission, progress: Progress | None = None, *, in_flight: bool = False
+) -> Mission:
+    """Send the mission, read it back and compare; `progress(items sent, items)`. `in_flight`: no item is marked as the
+    one to begin with, and it is not begun again: time is short.
 
     Returns the mission as the vehicle holds it, rounded as it rounds; an item's index is its sequence number
     on the wire. ArduPilot keeps its home in item 0: it is put in front unless the mission begins with one (a
@@ -76,9 +79,9 @@ def upload(link: Port, vehicle_system: int, mission: Mission, progress: Progress
     """
     talk = Talk(link, vehicle_system)
     items, first = _for_vehicle(talk, mission)
-    for left in reversed(range(_ATTEMPTS)):
+    for left in reversed(range(1 if in_flight else _ATTEMPTS)):
         now_s = time.monotonic()
-        end = _run(talk, begin_upload(items, now_s), step_upload, progress)
+        end = _run(talk, begin_upload(items, now_s, in_flight=in_flight), step_upload, progress)
         if end.phase is Phase.REFUSED and end.result in _GAVE_UP and end.seq >= 0 and left:
             continue
         if end.phase is Phase.REFUSED:

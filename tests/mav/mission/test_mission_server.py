@@ -119,8 +119,11 @@ def test_request_past_the_end_is_an_invalid_sequence() -> None:
     assert tell(Server(items=OLD), Request(2))[1] == [Ack(INVALID_SEQUENCE)]
 
 
-def test_no_changes_in_flight() -> None:
+def test_in_flight_a_mission_may_be_replaced_but_not_cleared() -> None:
     server = Server(items=OLD, locked=True)
-    assert tell(server, Count(1))[1] == [Ack(DENIED)]
+    assert tell(server, Count(0))[1] == [Ack(DENIED)]
     assert tell(server, ClearAll())[1] == [Ack(DENIED)]
     assert tell(server, RequestList())[1] == [Count(2)]
+    server, replies = tell(server, Count(1))
+    assert replies == [Request(0)]
+    assert server.items == OLD

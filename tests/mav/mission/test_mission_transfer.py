@@ -192,12 +192,12 @@ def test_ardupilot_gets_its_home_in_item_0() -> None:
     assert held.items[1].command == plan.items[0].command
 
 
-def test_start_flies_and_a_mission_under_way_is_not_replaced() -> None:
+def test_start_flies_and_a_mission_under_way_is_not_cleared() -> None:
     with flying(speedup=10.0) as (url,), ground(url) as link:
         upload(link, 1, mission())
         start(link, 1)
-        with pytest.raises(MissionError, match="refused the mission: denied"):
-            upload(link, 1, mission())
+        with pytest.raises(MissionError, match="refused to clear its mission: denied"):
+            clear(link, 1)
 
 
 def test_start_without_a_mission_says_why() -> None:

@@ -1,0 +1,229 @@
+"""What may be true after the legs flown so far: paths and layouts of sources, drawn from all that fit the readings.
+
+Many chains each lean on a draw of their own from the prior and on readings with noise of their own added, and slide
+down to where both agree; where the model is linear that draws from the posterior exactly. A chain counts as much as the
+answer it slides to from there without that noise fits. Unlike the estimate this has an answer from the first leg on,
+and it sees the alternatives while they still can be told apart. Canonical gauge; headings are unknown throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dslam_mav.dslam.descent import Chains, Pull, Seen, cost_of, descended
+from dslam_mav.dslam.layouts import Layouts, Region
+from dslam_mav.records import Estimate, Flight
+
+Array = NDArray[np.float64]
+
+CHAINS = 80
+FROM_PRIOR = 0.25  # of the chains begin anew at every leg
+FROM_MODES = 0.35  # begin at what the estimator has found
+SCANNED = 48  # headings of a leg more
+POINTS_PER_SPREAD = 5.0
+SLIDE, SETTLE = 24, 10  # iterations with a draw's own noise, and without
+EVIDENCE_TEMPERATURE = 2.0  # likelihoods of local answers are trusted to half their logarithm
+PEAK_LOG_SD = 0.8
+PLACE_SD_EXTENTS = 0.4  # a uniform draw's own is 0.29
+SURE = 1e-4
+QUIETEST = 1e-3  # of the readings' range
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known besides readings: how many sources, in which region (canonical gauge), √C from … to at the first
+    reading, its rate 4μ where the field evolves, and the ambient level (None: unknown).
+    """
+
+    k_sources: int
+    region: Region
+    spread_m: tuple[float, float]
+    rate_m2_s: float = 0.0
+    ambient: float | None = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """M draws: `vertices_m` (M, L+1, 2) of the legs flown, `layouts` of M, `weight` (M,) that sum to 1."""
+
+    vertices_m: Array
+    layouts: Layouts
+    weight: Array
+    chains: Chains
+    noise_sd: float
+
+    def part(self, count: int, rng: np.random.Generator) -> Belief:
+        """`count` of them, drawn evenly by weight, which then are alike."""
+        at = (np.arange(count) + rng.random()) / count
+        index = np.minimum(np.searchsorted(np.cumsum(self.weight), at), len(self.weight) - 1)
+        even = np.full(count, 1.0 / count)
+        some = self.layouts.chosen(index)
+        return Belief(self.vertices_m[index], some, even, self.chains.part(index), self.noise_sd)
+
+
+def believed(
+    flight: Flight,
+    known: Known,
+    rng: np.random.Generator,
+    before: Belief | None = None,
+    estimate: Estimate | None = None,
+) -> Belief:
+    """What may be true after a flight of straight legs; `before`: what was believed some legs ago, `estimate`: of the
+    same legs.
+    """
+    seen = seen_of(flight, known)
+    anchor = _anchors(seen, known, rng)
+    starts = _starts(seen, anchor, rng, before, estimate)
+    anchor = replace(anchor, theta=starts.theta)
+    precision = _precision(seen, known)
+    pull = Pull(anchor.vector(), precision, rng.standard_normal((len(anchor), seen.reading.size)))
+    drawn = descended(starts, seen, pull, SLIDE).upright()
+    calm = Pull(_middle(seen, known, anchor).vector(), precision, np.zeros_like(pull.noise))
+    settled = descended(drawn, seen, calm, SETTLE).upright()
+    evidence = -0.5 * cost_of(settled, seen, calm) / EVIDENCE_TEMPERATURE
+    weight = np.exp(evidence - evidence.max())
+    layouts = Layouts(
+        drawn.place, np.exp(drawn.log_peak), np.exp(0.5 * drawn.log_spread2), np.full(len(drawn), known.rate_m2_s)
+    )
+    return Belief(drawn.vertices(seen.length), layouts, weight / weight.sum(), drawn, seen.noise_sd)
+
+
+def seen_of(flight: Flight, known: Known) -> Seen:
+    """The readings, those that lie closer than a Gaussian needs averaged."""
+    low, high = known.spread_m
+    step = math.sqrt(low * high) / POINTS_PER_SPREAD
+    first = float(flight.legs[0].time_s[0])
+    rows = []
+    for j, leg in enumerate(flight.legs):
+        if not leg.reading.size:
+            continue
+        _, cell = np.unique(np.floor(leg.distance_m / step), return_inverse=True)
+        count = np.bincount(cell)
+        mean = [np.bincount(cell, v) / count for v in (leg.distance_m, leg.time_s - first, leg.reading)]
+        rows.append(np.column_stack([np.full(count.size, j), *mean, count]))
+    table = np.vstack(rows)
+    noise_sd = noise_of(flight)
+    return Seen(
+        np.array([leg.length_m for leg in flight.legs]), table[:, 0].astype(np.int64), table[:, 1], table[:, 3],
+        np.sqrt(table[:, 4]) / noise_sd, known.rate_m2_s * table[:, 2], noise_sd,
+    )  # fmt: skip
+
+
+def noise_of(flight: Flight) -> float:
+    """Noise of a reading, by third differences: a smooth field leaves nothing in them."""
+    differences = np.concatenate(
+        [np.diff(leg.reading, 3) for leg in flight.legs if leg.reading.size > 3] or [np.zeros(1)]
+    )
+    whole = np.concatenate([leg.reading for leg in flight.legs])
+    rough = 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(20.0)
+    return max(rough, QUIETEST * float(np.ptp(whole)), 1e-12)
+
+
+def _anchors(seen: Seen, known: Known, rng: np.random.Generator) -> Chains:
+    """A draw from the prior for every chain."""
+    k = known.k_sources
+    low, size = np.asarray(known.region.low)[:2], known.region.extent[:2]
+    level, peak = _level(seen, known)
+    spread = np.log(known.spread_m)
+    return Chains(
+        np.zeros((CHAINS, 1)),
+        low + size * rng.random((CHAINS, k, 2)),
+        math.log(peak) + PEAK_LOG_SD * rng.standard_normal((CHAINS, k)),
+        2.0 * rng.uniform(spread[0], spread[1], CHAINS),
+        np.full(CHAINS, level),
+    )
+
+
+def _middle(seen: Seen, known: Known, like: Chains) -> Chains:
+    level, peak = _level(seen, known)
+    return Chains(
+        like.theta,
+        np.broadcast_to(known.region.middle[:2], like.place.shape).copy(),
+        np.full_like(like.log_peak, math.log(peak)),
+        np.full_like(like.log_spread2, float(np.log(known.spread_m).sum())),
+        np.full_like(like.ambient, level),
+    )
+
+
+def _level(seen: Seen, known: Known) -> tuple[float, float]:
+    """Ambient level and the peak to expect of a source."""
+    level = float(seen.reading.min()) if known.ambient is None else known.ambient
+    return level, max(float(np.abs(seen.reading - level).max()), 3.0 * seen.noise_sd)
+
+
+def _precision(seen: Seen, known: Known) -> Array:
+    """(P,) how surely each unknown is known before: one over its standard deviation."""
+    k, headings = known.k_sources, seen.length.size - 1
+    wide = PLACE_SD_EXTENTS * known.region.extent[:2]
+    low, high = np.log(known.spread_m)
+    spread = max(2.0 * (high - low) / math.sqrt(12.0), SURE)
+    ambient = SURE * seen.noise_sd if known.ambient is not None else float(np.ptp(seen.reading)) + seen.noise_sd
+    return np.concatenate(
+        [np.zeros(headings), np.tile(1.0 / wide, k), np.full(k, 1.0 / PEAK_LOG_SD), [1.0 / spread, 1.0 / ambient]]
+    )
+
+
+def _starts(
+    seen: Seen, anchor: Chains, rng: np.random.Generator, before: Belief | None, estimate: Estimate | None
+) -> Chains:
+    """Where chains begin: at draws from the prior, at those of some legs ago, at what the estimator found."""
+    parts, left = [], CHAINS
+    modes = [] if estimate is None else [m for m in (estimate, *estimate.alternatives) if _usable(m, anchor)]
+    if modes:
+        count = round(CHAINS * (FROM_MODES if before is not None else 1.0 - FROM_PRIOR))
+        parts.append(_at_modes(modes, anchor.part(np.arange(count))))
+        left -= count
+    if before is not None and before.layouts.k_sources == anchor.place.shape[1]:
+        count = left - round(FROM_PRIOR * CHAINS)
+        parts.append(before.part(count, rng).chains)
+        left -= count
+    parts.append(anchor.part(np.arange(CHAINS - left, CHAINS)))
+    return _of_all([_longer(part, seen, rng) for part in parts])
+
+
+def _usable(mode: Estimate, anchor: Chains) -> bool:
+    return len(mode.sources) == anchor.place.shape[1] and bool(np.isfinite(mode.sources.position_m).all())
+
+
+def _at_modes(modes: list[Estimate], like: Chains) -> Chains:
+    """The modes in turn."""
+    place, peak, theta, spread = like.place.copy(), like.log_peak.copy(), [], like.log_spread2.copy()
+    for i in range(len(like)):
+        mode = modes[i % len(modes)]
+        place[i] = mode.sources.position_m
+        peak[i] = np.log(np.maximum(mode.sources.peak_reading, 1e-12))
+        spread[i] = 2.0 * math.log(mode.spread_m) if math.isfinite(mode.spread_m) else spread[i]
+        theta.append(mode.path.heading_rad)
+    return replace(like, place=place, log_peak=peak, theta=np.array(theta), log_spread2=spread)
+
+
+def _longer(chains: Chains, seen: Seen, rng: np.random.Generator) -> Chains:
+    """With headings for the legs flown since, drawn by how the readings fit each; cut where there are fewer legs."""
+    n_legs = seen.length.size
+    theta = chains.theta[:, :n_legs]
+    while theta.shape[1] < n_legs:
+        part = seen.first(theta.shape[1] + 1)
+        around = math.pi if theta.shape[1] == 1 else 2.0 * math.pi  # the first turn is to +y
+        tried = (rng.random() + np.arange(SCANNED)) * (around / SCANNED)
+        costs = []
+        for heading in tried:
+            one = replace(chains, theta=np.column_stack([theta, np.full(len(chains), heading)]))
+            costs.append(cost_of(one, part, None))
+        cost = np.array(costs).T
+        lucky = -0.5 * (cost - cost.min(axis=1, keepdims=True)) / max(1.0, 0.02 * part.reading.size)
+        best = np.argmax(lucky + rng.gumbel(size=lucky.shape), axis=1)
+        theta = np.column_stack([theta, tried[best]])
+    return replace(chains, theta=theta)
+
+
+def _of_all(parts: list[Chains]) -> Chains:
+    return Chains(
+        *(
+            np.concatenate([getattr(p, n) for p in parts])
+            for n in ("theta", "place", "log_peak", "log_spread2", "ambient")
+        )
+    )

@@ -1,0 +1,164 @@
+"""`fly --adaptive`, from the first leg to the replay. What to propose is the adviser's own tests' affair."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from running import SCENE, Done, run
+
+from dslam_mav.commands import steering
+from dslam_mav.log.reader import read_log
+from dslam_mav.mav.mission import change, protocol, server
+from dslam_mav.mission import leg_plan
+from dslam_mav.records import Flight
+from missions.adviser import Advice, Adviser
+from missions.next_legs import Limits
+from missions.plan_file import parse_plan
+from sim_bridge.loopback.mission_service import MissionService
+
+LEG_M = 24.0
+TURN_RAD = math.radians(140.0)
+PATH = [[0.0, 0.0], [24.0, 0.0], [4.34, 13.77], [12.55, -8.79], [20.76, 13.77]]
+ADAPTIVE = ("--adaptive", "--sources", 2, "--ambient", 20, "--speedup", 4, "--json")
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(SCENE | {"path": {"vertices_m": PATH}}))
+    return path
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Advice at once, and short waits: the flight is sped up."""
+    monkeypatch.setattr(steering, "FIRST_ADVICE_S", 0.05)
+    monkeypatch.setattr(steering, "TRANSFER_S", 0.2)
+    monkeypatch.setattr(change, "PLACE_WAIT_S", 0.05)
+    monkeypatch.setattr(protocol, "TIMEOUT_S", 0.5)
+
+
+def advised(monkeypatch: pytest.MonkeyPatch, *, reached_after: int = 99) -> list[int]:
+    """An adviser that always says the same; the list fills with how many legs it was asked after."""
+    asked: list[int] = []
+
+    def advise(_: Adviser, flight: Flight, limits: Limits) -> Advice:
+        asked.append(len(flight.legs))
+        if len(flight.legs) >= reached_after:
+            return Advice((), (), 0.5, None, reached=True)
+        n = max(1, round(limits.length_m / LEG_M))
+        return Advice((TURN_RAD,) * n, (limits.length_m / n,) * n, 1.0, None, reached=False)
+
+    monkeypatch.setattr(Adviser, "advise", advise)
+    return asked
+
+
+def fly(scene: Path, *words: object) -> Done:
+    return run("fly", "--scene", scene, *ADAPTIVE, "--out", scene.parent / "logs", *words)
+
+
+def path_of(done: Done) -> np.ndarray:
+    return np.array(done.object["path"]["vertices_m"])
+
+
+def held(done: Done) -> Any:
+    """The mission the vehicle held last, by the log."""
+    return leg_plan(parse_plan(read_log(Path(done.object["log"])).attachments["mission.waypoints"], "log").mission)
+
+
+def texts(done: Done) -> str:
+    return "\n".join(text for _, _, text in read_log(Path(done.object["log"])).texts)
+
+
+def test_the_vehicle_flies_what_is_proposed_and_replay_repeats_it(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = advised(monkeypatch)
+    done = fly(scene)
+    assert done.code == 0, done.err
+    assert asked[0] == 1
+    assert "after leg 1: turn 140° left and fly 24 m" in texts(done)
+    plan = held(done)
+    turns = np.remainder(np.diff(plan.headings_rad), 2.0 * math.pi)
+    np.testing.assert_allclose(turns, TURN_RAD, atol=2e-3)
+    np.testing.assert_allclose(plan.lengths_m.sum(), 4 * LEG_M, atol=0.1)
+    log = read_log(Path(done.object["log"]))
+    assert log.truth is not None
+    np.testing.assert_allclose(log.truth.vertices_m, plan.vertices_m)
+    assert done.object["errors"]["path_rms_m"] < 1.0
+    assert len(path_of(done)) == len(plan.vertices_m)
+    assert run("replay", done.object["log"], "--json").object | {"report": done.object["report"]} == done.object
+
+
+def test_a_change_that_fails_in_flight_leaves_the_old_mission_flying(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    advised(monkeypatch)
+    handle = MissionService.handle
+
+    def refuses(self: MissionService, peer: Any, message: Any, now_s: float) -> Any:
+        if message.get_type() == "MISSION_ITEM_INT" and message.seq == 5 and self._autopilot.in_mission:
+            return []  # silence midway
+        return handle(self, peer, message, now_s)
+
+    monkeypatch.setattr(MissionService, "handle", refuses)
+    monkeypatch.setattr(protocol, "RETRIES", 0)
+    monkeypatch.setattr(server, "ITEM_TIMEOUT_S", 60.0)  # it does not ask again
+    done = fly(scene)
+    assert done.code == 0, done.err
+    assert "the old mission stays and is flown on" in done.err
+    np.testing.assert_allclose(held(done).vertices_m, PATH, atol=0.02)
+    assert len(path_of(done)) == len(PATH)
+    assert done.object["errors"]["path_rms_m"] < 1.0
+
+
+def test_a_bug_in_the_adviser_does_not_end_the_flight_and_is_told(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_: Adviser, flight: Flight, limits: Limits) -> Advice:
+        raise ZeroDivisionError("of all things")
+
+    monkeypatch.setattr(Adviser, "advise", broken)
+    done = fly(scene)
+    assert done.code == 0, done.err
+    assert "of all things" in done.err
+    np.testing.assert_allclose(held(done).vertices_m, PATH, atol=0.02)
+
+
+def test_it_stops_where_every_source_is_as_sure_as_wanted_and_says_so(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = advised(monkeypatch, reached_after=3)
+    done = fly(scene, "--target-sd", 0.5)
+    assert done.code == 0, done.err
+    assert asked[-1] == 3
+    assert "after leg 3: every source is known to 0.5 m, as wanted: no more legs" in texts(done)
+    assert len(path_of(done)) == 4
+    assert len(held(done).vertices_m) == 4
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--target-sd", 0.5), "--target-sd 0.5: only with --adaptive"),
+        (("--adaptive", "--method", "paper"), "--method paper: legs are chosen by the joint estimate; expected joint"),
+        (("--adaptive", "--distance", "plan"), "how far a leg is flown must be measured; expected odometry or speed"),
+        (("--adaptive", "--heading", "plan"), "the plan changes in flight; expected none or vehicle"),
+        (("--adaptive", "--closed"), "--adaptive with --closed: legs chosen in flight need not end where they began"),
+        (("--adaptive", "--target-sd", -1), "argument --target-sd: '-1': expected a positive number"),
+    ],
+)
+def test_what_does_not_go_together_is_one_line(scene: Path, words: tuple[object, ...], line: str) -> None:
+    done = run("fly", "--scene", scene, "--out", scene.parent / "logs", *words)
+    assert done.code == 2
+    assert line in done.line()
+    assert not (scene.parent / "logs").exists()
+
+
+def test_logged_readings_cannot_follow_another_path(scene: Path, tmp_path: Path) -> None:
+    readings = tmp_path / "readings.csv"
+    readings.write_text("time_s,value\n0,1\n1,2\n")
+    done = run("fly", "--readings", readings, "--adaptive", "--out", tmp_path / "logs")
+    assert done.code == 2
+    assert "logged readings are of the path they were taken on" in done.line()
