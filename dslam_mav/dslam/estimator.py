@@ -232,7 +232,8 @@ def _mendable(result: Estimate) -> bool:
 
 
 def _more_is_better(few: Estimate, more: Estimate) -> bool:
-    """Whether n ln(cost) + P ln n is lower with more sources; both are counted over the same n.
+    """Whether n ln(cost) + P ln(n/K) is lower with more sources, both with the larger model's n and K: an unknown is
+    told by its own source's share of the readings.
 
     Residuals that may not be white (the larger model's, at 5 %) count as the numbers the legs can carry, not as
     readings: otherwise sources are added to mend the model's own misfit.
@@ -243,5 +244,5 @@ def _more_is_better(few: Estimate, more: Estimate) -> bool:
     n = float(b["n_readings"])
     if b["whiteness_p"] < DOUBTFUL_P:
         n = min(n, float(b["freedom_inside"]))
-    extra = (len(more.parameter_names) - len(few.parameter_names)) * np.log(n)
+    extra = (len(more.parameter_names) - len(few.parameter_names)) * np.log(n / len(more.sources))
     return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra < 0.0)
