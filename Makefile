@@ -2,6 +2,7 @@
 # make test   everything a change must pass: lint, types, all tests in parallel
 # make bench  accuracy and speed tables (minutes)
 # make gallery  docs/gallery.md: what each pattern sees
+# make docs   the pages of docs/ as a site, build/site/index.html
 # make interop  MAVProxy and Rerun, in an environment of their own (1.5 GB), with what we fly and write
 PYTHON ?= python3
 VENV := .venv
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 RECORDING := ../shared/data/spot_bilayer_a.npz
 WORKERS ?= auto
 
-.PHONY: fly test lint bench gallery interop schemas clean
+.PHONY: fly test lint bench gallery docs interop schemas clean
 
 fly: $(VENV)/installed
 	$(BIN)/dslam-mav fly --sources 3 --ambient auto
@@ -38,6 +39,10 @@ bench: $(VENV)/installed-dev
 # What each pattern sees: docs/gallery.md and its pictures (two minutes).
 gallery: $(VENV)/installed-dev
 	$(BIN)/python -m dslam_mav.commands.gallery docs
+
+docs: $(VENV)/installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo build/site/index.html
 
 interop: $(VENV)/installed-dev build/interop/installed
 	$(BIN)/python -m tests.interop
@@ -69,6 +74,10 @@ $(VENV)/installed: pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/installed-dev: pyproject.toml $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+$(VENV)/installed-docs: pyproject.toml $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
 clean:

@@ -1,6 +1,6 @@
 """dslam_mav: the sources of a diffusing field, and the drone's own path, from one scalar sensor.
 
-The public names are here; their meaning is in the README ("Python"). They are imported when first used, so that a
+The public names are here; their meaning is in docs/python.md. They are imported when first used, so that a
 command that needs none of them starts at once.
 """
 

@@ -56,8 +56,10 @@ class GeoFence:
         return Home(*self.zones[0].corners[0])
 
 
-def read_fence(path: str | os.PathLike[str]) -> GeoFence:
-    """The geofence of a `.plan`; BadInputError names the file, the field and the value."""
+def read_fence(path: str | os.PathLike[str], *, needed: bool = True) -> GeoFence:
+    """The geofence of a `.plan`; BadInputError names the file, the field and the value, and where one is `needed` and
+    there is none.
+    """
     source = Path(path)
     try:
         text = source.read_bytes().decode("utf-8-sig")
@@ -65,20 +67,22 @@ def read_fence(path: str | os.PathLike[str]) -> GeoFence:
         raise BadInputError(f"{source}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise BadInputError(f"{source}: byte {error.start} is no text: expected a .plan with a geofence") from None
-    return parse_fence(text, str(source))
+    return parse_fence(text, str(source), needed=needed)
 
 
-def parse_fence(text: str, file: str) -> GeoFence:
+def parse_fence(text: str, file: str, *, needed: bool = True) -> GeoFence:
     """The geofence in a `.plan`'s text."""
     spot = Spot(file)
     root = load(text, file)
+    if not needed and "geoFence" not in root:
+        return GeoFence((), {}, file, _home(root))
     raw = get(spot, root, "geoFence", dict, "an object")
     inside = spot.at("geoFence.")
     if get(inside, raw, "version", int, str(FENCE_VERSION)) != FENCE_VERSION:
         raise inside.error("version", raw["version"], str(FENCE_VERSION))
     zones = [_polygon(inside, i, each) for i, each in enumerate(_list(inside, raw, "polygons"))]
     zones += [_circle(inside, i, each) for i, each in enumerate(_list(inside, raw, "circles"))]
-    if not zones:
+    if needed and not zones:
         raise spot.error("geoFence", raw, "at least one polygon or circle")
     return GeoFence(tuple(zones), raw, file, _home(root))
 

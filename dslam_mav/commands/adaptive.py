@@ -86,6 +86,6 @@ def _fence(options: Namespace, held: Mission) -> Fence:
     plan = getattr(options, "plan", None)
     if not options.adaptive or plan is None or Path(plan).suffix.lower() != ".plan":
         return Fence()
-    fence = read_fence(plan)
+    fence = read_fence(plan, needed=False)
     home = home_of(held) or Home(held.items[0].x / DEGREES_E7, held.items[0].y / DEGREES_E7)
     return fence.around(home) if fence.zones else Fence()

@@ -1,6 +1,6 @@
 """What flows: flights in, estimates out. Frozen, checked on creation, arrays read-only float64, SI units.
 
-The meaning of every field is public (README, "Python"); shapes: K sources, L legs, N readings on a leg, d dimensions.
+The meaning of every field is public (docs/python.md); shapes: K sources, L legs, N readings on a leg, d dimensions.
 """
 
 from dslam_mav.records.arrays import read_only

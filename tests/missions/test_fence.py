@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import missions
 from dslam_mav.errors import BadInputError
 from dslam_mav.mission import Home
 from missions.fence import Fence, area_m2, box, circle, contains, crosses_itself
@@ -124,3 +126,16 @@ def test_room_is_the_most_a_place_has_to_its_bounds():
     assert inside.room(1.0) >= 1.0
     assert Fence((), (box((2.0, 2.0)),)).room(1e6) == np.inf
     assert Fence((box((1.0, 1.0)), box((1.0, 1.0), (5.0, 0.0)))).room(0.0) < 0.0
+
+
+def test_a_plan_without_zones_is_no_fence_where_none_is_needed(tmp_path):
+    """As our own plans are, and older ones that have no geoFence at all."""
+    drawn = Path(missions.__file__).with_name("star7.plan")
+    body = json.loads(drawn.read_text(encoding="utf-8"))
+    del body["geoFence"]
+    older = tmp_path / "older.plan"
+    older.write_text(json.dumps(body), encoding="utf-8")
+    for plan in (drawn, older):
+        assert read_fence(plan, needed=False).zones == ()
+    with pytest.raises(BadInputError, match="expected at least one polygon or circle"):
+        read_fence(drawn)
