@@ -36,7 +36,10 @@ MAX_SOURCES = 8
 DOUBTFUL_P = 0.05
 STANDS = "The field was found to stand still."
 CONTRADICTED = "A field that stands still fits them better than one that evolves with the μ or τ given."
-DRIFTING = "Readings fit with an ambient level that drifts: let it be estimated (ambient_drift_per_s=None)."
+DRIFTING = (
+    "An ambient level that drifts would explain what is left (--ambient-drift auto; ambient_drift_per_s=None in "
+    "Python); so may legs that were not flown as measured."
+)
 COOLING = "Readings fit better upside down: sources that cool are not in the model."
 
 

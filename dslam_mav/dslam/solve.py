@@ -137,14 +137,16 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
     found = _found(task, begun, rng)
     if found is None or not task.patient:
         return found
+    best = found
     if task.priors.corner_sd_m is not None:
         loose = _found(replace(task, loose=True), replace(begun, states=found.ends), rng)
-        if loose is not None and _loosely(found, loose):
-            task, found = replace(task, loose=True), loose
-    if task.extent_free and found.level.misfit:
+        if loose is not None and _likelier(loose, found):
+            best = loose
+    if task.extent_free and best.level.misfit:
         begun = replace(begun, states=(*begun.states, *found.ends))
-        found = _better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
-    return found
+        shaped = _better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
+        best = shaped if best is found or _likelier(shaped, best) else best
+    return best
 
 
 def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
@@ -156,10 +158,10 @@ def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | No
     return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, ends)
 
 
-def _loosely(exact: Solution, loose: Solution) -> bool:
-    """Whether readings speak for corners as loose as told: by Laplace's evidence, at the readings' own noise."""
-    variance = loose.level.outside
-    return _surprise(loose, variance) < _surprise(exact, variance)
+def _likelier(one: Solution, other: Solution) -> bool:
+    """Whether readings speak for one solution rather than another: by Laplace's evidence, at their own noise."""
+    variance = min(one.level.outside, other.level.outside)
+    return _surprise(one, variance) < _surprise(other, variance)
 
 
 def _surprise(solution: Solution, variance: float) -> float:
@@ -172,7 +174,7 @@ def _surprise(solution: Solution, variance: float) -> float:
 
 
 def _better(found: Solution, freer: Solution | None) -> Solution:
-    """The freer solution where it is one and fits better by more than its freedom does."""
+    """The freer solution, where it is one, and it fits better by more than freedom alone makes it."""
     if freer is None or (found.fits[0].converged and not freer.fits[0].converged):
         return found
     gain = found.fits[0].cost - freer.fits[0].cost
