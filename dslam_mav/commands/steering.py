@@ -18,7 +18,7 @@ import numpy as np
 from dslam_mav.commands.adaptive_options import Steered
 from dslam_mav.errors import DslamError, LinkError
 from dslam_mav.legs import LegCollector, UnderWay, flight_of
-from dslam_mav.mav.mission.change import change
+from dslam_mav.mav.mission.change import PlaceLostError, UnknownMissionError, change
 from dslam_mav.mav.ports import Port
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Flight
@@ -79,6 +79,9 @@ class Steering:
                 self._asked.add(way.end_seq)
                 try:
                     self._steer(way)
+                except UnknownMissionError as problem:
+                    self._ear.warn(f"adaptive, leg {len(way.legs)}: {problem}; nothing more is sent")
+                    return
                 except DslamError as problem:
                     self._ear.warn(f"adaptive, leg {len(way.legs)}: {problem}")
 
@@ -119,7 +122,12 @@ class Steering:
         if not self._in_time(way):
             self._ear.warn(f"adaptive, leg {number}: the proposal came too late; the old mission is flown on")
             return
-        self.held = change(self._link, self._system, self.held, new, way.end_seq)
+        try:
+            self.held = change(self._link, self._system, self.held, new, way.end_seq)
+        except PlaceLostError as problem:
+            self.held = problem.held
+            self._ear.changed(self.held)
+            raise
         self.changes += 1
         self.reached = advice.reached
         self._ear.changed(self.held)

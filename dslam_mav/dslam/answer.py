@@ -14,7 +14,7 @@ from dslam_mav.dslam.fit import Fit
 from dslam_mav.dslam.gauge import Placed, in_order, placed
 from dslam_mav.dslam.joint import evaluate, model_of
 from dslam_mav.dslam.priors import Priors, without_scale
-from dslam_mav.dslam.problem import Problem, problem
+from dslam_mav.dslam.problem import Problem, problem, steadied
 from dslam_mav.dslam.profile import second_moment
 from dslam_mav.dslam.state import Layout, State, layout, parameter_names
 from dslam_mav.dslam.units import Units, in_si, normalised, parameter_units
@@ -93,7 +93,9 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
         unseen, told = (SCALE, *unseen[1:]), {**told, "shape": _shape(best)}
     elif _level(answers.problem) and verdict is not Verdict.NOT_CONVERGED:
         verdict, reason = Verdict.NOT_IDENTIFIABLE, LEVEL
-    if (flat := certify.unseen(flight, medium.ambient, best)) is not None:
+    if (
+        flat := certify.unseen(steadied(flight, best.medium.ambient_drift_per_s or 0.0), medium.ambient, best)
+    ) is not None:
         verdict, reason = Verdict.NOT_IDENTIFIABLE, flat
     if verdict in WITHOUT_POSITIONS:
         empty = nothing(flight, medium, len(best.sources), verdict, reason)

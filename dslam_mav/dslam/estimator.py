@@ -24,7 +24,7 @@ from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.dslam.paper.options import PaperOptions
 from dslam_mav.dslam.priors import Priors, priors_of
-from dslam_mav.dslam.problem import problem
+from dslam_mav.dslam.problem import problem, steadied
 from dslam_mav.dslam.solve import Task, solve
 from dslam_mav.dslam.state import layout
 from dslam_mav.dslam.units import normalised, units_of
@@ -140,7 +140,8 @@ def _with_k(question: _Question, k_sources: int, *, patient: bool = True) -> Est
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
     answers = Answers(solved.problem, solved.fits, solved.level, solved.freedom_inside, unit, question.priors)
-    return doubted(assemble(flight, medium, answers), flight, question.priors)
+    result = assemble(flight, medium, answers)
+    return doubted(result, steadied(flight, result.medium.ambient_drift_per_s or 0.0), question.priors)
 
 
 def _reconsidered(question: _Question, result: Estimate) -> Estimate:
@@ -199,7 +200,9 @@ def _or_cooling(question: _Question, result: Estimate, doubtful: bool) -> Estima
     if low - level < high - low and not (doubtful and high - middle < middle - low):
         return result
     turned = Flight(tuple(replace(leg, reading=-leg.reading) for leg in flight.legs), closed=flight.closed)
-    cooling = _with_k(replace(question, flight=turned, start=None), len(result.sources))
+    drift = question.medium.ambient_drift_per_s
+    medium = replace(question.medium, ambient_drift_per_s=None if drift is None else -drift)
+    cooling = _with_k(replace(question, flight=turned, medium=medium, start=None), len(result.sources))
     told = cooling.diagnostics
     if told.get("whiteness_p", 0.0) < MISFIT_P_VALUE or told["cost"] >= result.diagnostics["cost"]:
         return result
@@ -225,7 +228,9 @@ def _choose_k(question: _Question, max_sources: int) -> Estimate:
             best, mended = more, False
         elif best.diagnostics["whiteness_p"] >= MISFIT_P_VALUE or _mendable(best):
             break
-    return _with_k(question, len(best.sources)) if _mendable(best) and not mended else best
+    white = "cost" in best.diagnostics and best.diagnostics["whiteness_p"] >= MISFIT_P_VALUE
+    done = mended or (white and question.priors.corner_sd_m is None)
+    return best if done else _with_k(question, len(best.sources))
 
 
 def _mendable(result: Estimate) -> bool:
@@ -247,5 +252,10 @@ def _more_is_better(few: Estimate, more: Estimate) -> bool:
     n = float(b["n_readings"])
     if b["whiteness_p"] < DOUBTFUL_P:
         n = min(n, float(b["freedom_inside"]))
-    extra = (len(more.parameter_names) - len(few.parameter_names)) * np.log(n / len(more.sources))
+    extra = (_free(more) - _free(few)) * np.log(n / len(more.sources))
     return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra < 0.0)
+
+
+def _free(result: Estimate) -> int:
+    """Unknowns that no prior holds: where legs begin is known but for a little."""
+    return sum(not name.startswith("corner ") for name in result.parameter_names)

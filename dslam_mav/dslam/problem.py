@@ -127,6 +127,15 @@ def problem(flight: Flight, medium: Medium) -> Problem:
     )
 
 
+def steadied(flight: Flight, drift_per_s: float) -> Flight:
+    """The flight's readings without a drift of the ambient level."""
+    if not drift_per_s or flight.parametric is not None:
+        return flight
+    first = min(float(leg.time_s[0]) for leg in flight.legs if leg.time_s.size)
+    legs = (replace(leg, reading=leg.reading - drift_per_s * (leg.time_s - first)) for leg in flight.legs)
+    return replace(flight, legs=tuple(legs))
+
+
 def alike(prob: Problem) -> Problem:
     """The problem with one C for all sources, whatever is known of each, and nothing known beside the readings; a level
     that drifts is one unknown on every leg.

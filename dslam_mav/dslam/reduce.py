@@ -34,8 +34,9 @@ STEADY = (
 )
 
 
-def binned(prob: Problem) -> Problem:
+def binned(prob: Problem, *, by_time: bool = False) -> Problem:
     """For the search: every leg's readings averaged in equal numbers of neighbours, at most 512 of them a leg."""
+    along = prob.t if by_time else prob.s
     counts = np.bincount(prob.leg, minlength=prob.n_legs)
     if prob.basis is not None or prob.mix is not None or counts.max() <= MOST_FOR_SEARCH:
         return prob
@@ -43,7 +44,7 @@ def binned(prob: Problem) -> Problem:
     parts: list[tuple[Array, Array, Array]] = []
     for j in range(prob.n_legs):
         own = np.flatnonzero(prob.leg == j)
-        own = own[np.argsort(prob.s[own], kind="stable")][: max(own.size // many, 1) * many]
+        own = own[np.argsort(along[own], kind="stable")][: max(own.size // many, 1) * many]
         s, t, y = (values[own].reshape(-1, min(many, own.size)).mean(axis=1) for values in (prob.s, prob.t, prob.y))
         parts.append((s, t, y))
     return replace(
@@ -76,7 +77,14 @@ def unlagged(prob: Problem, lag: float) -> Problem:
     n_readings = int(seen.sum())
     wider = None if prob.spread2 is None else prob.spread2 + way2
     return replace(
-        prob, s=s[seen], t=prob.t[seen], y=prob.y[seen], leg=prob.leg[seen], n_readings=n_readings, spread2=wider
+        prob,
+        s=s[seen],
+        t=prob.t[seen],
+        y=prob.y[seen],
+        leg=prob.leg[seen],
+        n_readings=n_readings,
+        spread2=wider,
+        lag=0.0,
     )
 
 

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 THREADS = 2  # as the search; the fits are the same whatever their number
 USUAL_LAGS = np.array([0.003, 0.01, 0.03])  # of the flight: where an unknown lag is looked for
+NO_LAG = 1e-4  # of the flight: a fast sensor
 LONGEST_LAG = 0.2  # of the flight: what is slower is looked for as if it were not
 NEAR_LAG = np.array([0.6, 1.0])  # of a known one: how far back readings belong depends on what they pass
 HEAT = 6  # iterations all starts are given
@@ -70,11 +71,15 @@ class Task:
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     """Every answer within the window; None where the search finds no start."""
-    coarse = binned(alike(task.problem))
+    coarse = binned(alike(task.problem), by_time=task.problem.lag != 0.0)
     if task.start is not None and fits_the_flight(task.problem, task.start, task.k_sources):
-        known = resumed(coarse, task.start, task.unit)
+        seen = coarse
+        if task.problem.drift is None:
+            drift = (task.start.medium.ambient_drift_per_s or 0.0) * task.unit.time / task.unit.reading
+            seen = replace(coarse, y=coarse.y - drift * coarse.t)
+        known = resumed(seen, task.start, task.unit)
         if known:
-            warm = _solved(task, warm_starts(coarse, task.k_sources, known, rng), coarse, rng)
+            warm = _solved(task, warm_starts(seen, task.k_sources, known, rng), coarse, rng)
             if warm is not None and warm.fits[0].converged and not warm.level.misfit:
                 return warm
     begun = _search(task.problem, coarse, task.k_sources, rng)
@@ -110,6 +115,9 @@ def _search(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Gener
     likely = USUAL_LAGS * duration if prob.lag is None else NEAR_LAG * min(prob.lag, LONGEST_LAG * duration)
     lags = [float(lag) for lag in likely]
     found = [_search_unlagged(prob, unlagged(coarse, lag), k_sources, rng) for lag in lags]
+    if prob.lag is None:
+        lags.append(NO_LAG * duration)
+        found.append(_search_unlagged(prob, coarse, k_sources, rng))
     states = []
     for lag, each in zip(lags, found, strict=True):
         own = float(np.log(lag if prob.lag is None else prob.lag))
@@ -197,8 +205,9 @@ def _as_asked(prob: Problem, found: Sequence[State]) -> list[State]:
         asked = [replace(state, extent=prob.extent) for state in asked]
     if prob.ambient is not None:
         asked = [replace(state, ambient=prob.ambient) for state in asked]
-    if prob.lag is None and prob.basis is not None:
-        asked = [replace(state, log_lag=float(np.log(USUAL_LAG * prob.t[-1]))) for state in asked]
+    if prob.lag is None:
+        usual = float(np.log(USUAL_LAG * prob.t[-1]))
+        asked = [state if np.isfinite(state.log_lag) else replace(state, log_lag=usual) for state in asked]
     own = prob.spread2 if prob.spread2 is not None else prob.age
     if own is not None and own.size > 1:
         asked = [_with_own_spreads(prob, state, np.log(own)) for state in asked]

@@ -23,6 +23,18 @@ PLACE_WAIT_S = 1.2  # autopilots send MISSION_CURRENT every second
 PLACE_TRIES = 3
 
 
+class PlaceLostError(MissionError):
+    """The vehicle holds the new mission, `held`, and flies to the wrong item of it."""
+
+    def __init__(self, text: str, held: Mission) -> None:
+        super().__init__(text)
+        self.held = held
+
+
+class UnknownMissionError(MissionError):
+    """Nobody knows what mission the vehicle holds."""
+
+
 def change(link: Port, vehicle_system: int, old: Mission, new: Mission, flying_seq: int) -> Mission:
     """Give the vehicle `new` in place of `old` while it flies to item `flying_seq`: the mission as it holds it.
 
@@ -32,12 +44,15 @@ def change(link: Port, vehicle_system: int, old: Mission, new: Mission, flying_s
     try:
         held = upload(link, vehicle_system, new, in_flight=True)
     except DslamError as problem:
-        restored = _restore(link, vehicle_system, old)
-        if restored:
-            keep_place(link, vehicle_system, flying_seq)
-        state = "the old mission stays and is flown on" if restored else "what mission it holds now is NOT known"
-        raise MissionError(f"mission not changed: {problem}; {state}") from problem
-    keep_place(link, vehicle_system, flying_seq)
+        if not _restore(link, vehicle_system, old):
+            told = f"mission not changed: {problem}; what mission it holds now is NOT known"
+            raise UnknownMissionError(told) from problem
+        keep_place(link, vehicle_system, flying_seq)
+        raise MissionError(f"mission not changed: {problem}; the old mission stays and is flown on") from problem
+    try:
+        keep_place(link, vehicle_system, flying_seq)
+    except DslamError as problem:
+        raise PlaceLostError(f"mission changed, but {problem}", held) from problem
     return held
 
 
