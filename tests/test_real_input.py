@@ -29,7 +29,7 @@ def test_sources_are_found_blind_from_flights_of_real_firmware(blind):
 
 
 def test_what_is_said_of_them_is_right(blind):
-    """All within 99 %; the 95 % ellipses hold 7 of these 9."""
+    """All within 99 %; the 95 % ellipses hold 8 of these 9."""
     for held in blind:
         assert held.result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS)
         assert held.result.medium.ambient == pytest.approx(20.0, abs=0.4)
