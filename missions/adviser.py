@@ -18,6 +18,8 @@ from dslam_mav.dslam.belief import Belief, Known, believed
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.dslam.expected import Sensing
 from dslam_mav.dslam.layouts import Prior, Region, drawn
+from dslam_mav.dslam.problem import steadied
+from dslam_mav.dslam.reduce import at_once
 from dslam_mav.records import Estimate, Flight, Medium, Verdict
 from missions.next_legs import Flown, Limits, Proposal, next_legs
 
@@ -94,7 +96,8 @@ class Adviser:
         if known.k_sources >= MANY and flown_m < PATIENT * (flown_m + limits.length_m):
             return None
         usable = result if result is not None and np.isfinite(result.sources.position_m).all() else None
-        self._belief = believed(flight, known, self._rng, self._belief, usable)
+        seen = _as_seen(flight, self._assumed.medium if usable is None else usable.medium)
+        self._belief = believed(seen, known, self._rng, self._belief, usable)
         draws = self._belief.part(DRAWS, self._rng)
         sensing = self._sensing(flight, self._belief)
         proposal = next_legs(Flown(draws.vertices_m, draws.layouts), sensing, limits, self._rng, self._before)
@@ -136,6 +139,11 @@ class Adviser:
             ambient_unknown=self._assumed.medium.ambient is None,
             spread_unknown=low < high,
         )
+
+
+def _as_seen(flight: Flight, medium: Medium) -> Flight:
+    """The readings of a sensor that is fast at a level that is steady, as far as either is known to be otherwise."""
+    return at_once(steadied(flight, medium.ambient_drift_per_s or 0.0), medium.sensor_lag_s or 0.0)
 
 
 def canonical_box(vertices_m: Array) -> tuple[Array, Array]:

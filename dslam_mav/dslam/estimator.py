@@ -165,9 +165,16 @@ def _drifts(question: _Question, result: Estimate) -> bool:
     medium = question.medium
     if medium.ambient is not None or medium.ambient_drift_per_s is None or question.flight.parametric is not None:
         return False
-    drifting = replace(question, medium=replace(medium, ambient_drift_per_s=None), start=None)
-    told = _with_k(drifting, len(result.sources)).diagnostics
+    drifting = replace(question, medium=replace(medium, ambient_drift_per_s=None), start=result)
+    told = _with_k(drifting, len(result.sources), patient=_beside_corners(question)).diagnostics
     return bool(told.get("whiteness_p", 0.0) >= MISFIT_P_VALUE and told["cost"] < result.diagnostics["cost"])
+
+
+def _beside_corners(question: _Question) -> bool:
+    """Whether legs may begin beside their corners: that takes patience. Another model is right only where it leaves
+    nothing, and what else patience mends it need not.
+    """
+    return question.priors.corner_sd_m is not None
 
 
 def _or_standing(question: _Question, result: Estimate) -> Estimate:
@@ -202,8 +209,8 @@ def _or_cooling(question: _Question, result: Estimate, doubtful: bool) -> Estima
     turned = Flight(tuple(replace(leg, reading=-leg.reading) for leg in flight.legs), closed=flight.closed)
     drift = question.medium.ambient_drift_per_s
     medium = replace(question.medium, ambient_drift_per_s=None if drift is None else -drift)
-    cooling = _with_k(replace(question, flight=turned, medium=medium, start=None), len(result.sources))
-    told = cooling.diagnostics
+    upside_down = replace(question, flight=turned, medium=medium, start=None)
+    told = _with_k(upside_down, len(result.sources), patient=_beside_corners(question)).diagnostics
     if told.get("whiteness_p", 0.0) < MISFIT_P_VALUE or told["cost"] >= result.diagnostics["cost"]:
         return result
     others = tuple(replace(other, verdict=Verdict.MODEL_MISFIT) for other in result.alternatives)

@@ -34,10 +34,10 @@ from dslam_mav.dslam.state import (
 
 Array = NDArray[np.float64]
 
-DIRECTIONS = 2  # of the places, the widest; every other one costs as much and adds less
+DIRECTIONS = 4  # of the places, the widest; every other one costs as much and adds less
 STEP_SDS = 1.6  # the trapezium rule at this spacing gives a Gaussian's variance to a hundredth
 MOST_STEPS = 3
-STRAIGHT = 0.1  # share by which χ² may leave the parabola at the first step, on either side
+STRAIGHT = 0.03  # share by which χ² may leave the parabola at the first step, on either side
 ENOUGH = 9.0  # Δχ² beyond which nothing is left
 SADDLE = 1.0  # Δχ² over which a fall leads into another answer's basin
 FALL = 0.3

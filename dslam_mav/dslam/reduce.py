@@ -20,12 +20,14 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from dslam_mav.dslam.problem import Problem
+from dslam_mav.records import Flight, Leg
 
 Array = NDArray[np.float64]
 
 MOST_FOR_SEARCH = 512  # readings of a leg that the search looks at
 WORTH_IT = 3  # a leg with fewer than this many readings a node is left as it is
 BLOCK = 8192  # readings taken at once
+ROUNDING = 1e-9
 ORDER_FLOOR = 12
 ORDER_PER_SPREAD = 9.0  # points per half length in √C; with the floor: 1e-10 of a Gaussian anywhere about the leg
 GAP = 0.01  # of a leg: the widest stretch without readings
@@ -86,6 +88,23 @@ def unlagged(prob: Problem, lag: float) -> Problem:
         spread2=wider,
         lag=0.0,
     )
+
+
+def at_once(flight: Flight, lag_s: float) -> Flight:
+    """The flight's readings placed where a sensor of time constant `lag_s` mostly saw them; without those at a leg's
+    beginning that are of the leg before.
+    """
+    if not lag_s:
+        return flight
+    return replace(flight, legs=tuple(_at_once(leg, lag_s) for leg in flight.legs))
+
+
+def _at_once(leg: Leg, lag_s: float) -> Leg:
+    if leg.reading.size < 2:
+        return leg
+    distance_m = leg.distance_m - lag_s * np.gradient(leg.distance_m, leg.time_s)
+    own = distance_m >= -ROUNDING * leg.length_m
+    return replace(leg, distance_m=distance_m[own], time_s=leg.time_s[own], reading=leg.reading[own])
 
 
 def reduced(prob: Problem, narrowest_spread: float) -> Problem:

@@ -16,7 +16,7 @@ from dslam_mav.dslam.belief import Known, believed, noise_of
 from dslam_mav.dslam.expected import Sensing, errors_on
 from dslam_mav.dslam.layouts import Layouts, Prior, Region, drawn
 from dslam_mav.dslam.path import vertices
-from missions.adviser import Adviser, Assumed, canonical_box
+from missions.adviser import Adviser, Assumed, _as_seen, canonical_box
 from missions.fence import Fence, box
 from missions.next_legs import Flown, Limits, next_legs
 from missions.patterns import star
@@ -169,3 +169,18 @@ def test_with_many_sources_the_plan_is_kept_until_most_of_it_is_flown() -> None:
     late = adviser.advise(first(case.flight, 5), Limits(2 * 3.2))
     assert late is not None
     assert sum(late.length_m) == pytest.approx(2 * 3.2)
+
+
+def test_a_slow_sensor_and_a_drifting_level_are_allowed_for() -> None:
+    case = random_case((33, 2), 2, 30.0)
+    known = replace(KNOWN, sensor_lag_s=0.15, ambient_drift_per_s=0.4)
+    slow = tuple(
+        replace(leg, distance_m=leg.distance_m + 0.15, reading=leg.reading + 0.4 * leg.time_s)
+        for leg in first(case.flight, 2).legs
+    )
+    for fast, allowed in zip(case.flight.legs, _as_seen(Flight(slow), known).legs, strict=False):
+        np.testing.assert_allclose(allowed.distance_m, fast.distance_m, atol=1e-9)
+        np.testing.assert_allclose(allowed.reading, fast.reading, atol=1e-9)
+    advice = Adviser(Assumed(known, 2, PRIOR)).advise(Flight(slow), Limits(12.8))
+    assert advice is not None
+    assert sum(advice.length_m) == pytest.approx(12.8)
