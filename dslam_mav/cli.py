@@ -14,9 +14,10 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from dslam_mav.commands.command import Commands, add_command
+from dslam_mav.commands.live_options import live_apart
 from dslam_mav.commands.log_options import add_logs
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
@@ -46,6 +47,11 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(**{"allow_abbrev": False, **settings})  # type: ignore[arg-type]
         # -33.5,151.2 is a place in the south, no option
         self._negative_number_matcher = re.compile(r"-[\d.]")
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """`--live` may stand alone before a PLAN or LOG."""
+        words = sys.argv[1:] if args is None else args
+        return super().parse_known_args(live_apart(words), namespace)
 
     def error(self, message: str) -> NoReturn:
         raise BadInputError(f"{self.prog}: {message} (see {self.prog} --help)")

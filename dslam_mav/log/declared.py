@@ -116,7 +116,7 @@ def _is_our_frame(stored: RawFrame) -> bool:
 
 
 @cache
-def _our_schemas() -> dict[str, Schema]:
+def our_schemas() -> dict[str, Schema]:
     """The schema of each of our topics, numbered as its channel."""
     return {
         topic: Schema(
@@ -131,4 +131,4 @@ def _our_schemas() -> dict[str, Schema]:
 
 def _our_channel(number: int) -> tuple[Channel, Schema]:
     topic = list(TOPICS)[number - 1]
-    return Channel(number, topic, "protobuf", {}, number), _our_schemas()[topic]
+    return Channel(number, topic, "protobuf", {}, number), our_schemas()[topic]

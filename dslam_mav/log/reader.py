@@ -122,6 +122,17 @@ def read_log(path: Path, topics: Container[str] = tuple(TOPICS)) -> FlightLog:
     )
 
 
+def read_messages(path: Path) -> list[tuple[int, str, bytes]]:
+    """The messages of our topics as they lie in a log: (log time, topic, protobuf), by time. Errors as `read_log`."""
+    found: list[tuple[int, str, bytes]] = []
+
+    def keep(topic: str) -> _Use:
+        return lambda time_ns, data: found.append((time_ns, topic, data))
+
+    _Contents({topic: keep(topic) for topic in TOPICS}).read(path)
+    return sorted(found, key=lambda message: message[0])
+
+
 def log_info(path: Path) -> LogInfo:
     """Message counts by topic, duration and completeness; decodes no message. Errors as `read_log`."""
     return _Contents({}).read(path)
