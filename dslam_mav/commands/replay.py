@@ -7,13 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.derived import write_derived
 from dslam_mav.commands.live import check, play, served
 from dslam_mav.commands.logged import as_flown, estimate_again, open_logged
 from dslam_mav.commands.outcome import show, write_report
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.settings import with_settings
-from dslam_mav.commands.side_by_side import comparison
 from dslam_mav.errors import DslamError
 from dslam_mav.report.table import result_json
 
@@ -48,6 +46,9 @@ def _again(screen: Screen, options: Namespace) -> Path:
 
 def _with_settings(screen: Screen, options: Namespace) -> Path:
     """The answer as it was beside the one under `--set`, which goes to a log of its own: that log."""
+    from dslam_mav.commands.derived import write_derived
+    from dslam_mav.commands.side_by_side import comparison
+
     path = Path(options.log)
     with_settings(Assumptions(), options.set)  # refused before the log is read
     with screen.progress("estimating as before"):
