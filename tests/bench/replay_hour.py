@@ -31,7 +31,6 @@ from dslam_mav.errors import BadInputError
 from dslam_mav.log.reader import read_log
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.log.topics import RAW
-from dslam_mav.mav.packets import Gate
 from dslam_mav.mission import CMD_WAYPOINT, Home, Mission, MissionItem, enu_to_e7, home_item
 from dslam_mav.observations import Reading
 from dslam_mav.records.arrays import Array
@@ -121,9 +120,7 @@ def _command(words: tuple[object, ...], runs: int) -> tuple[float, float]:
 def _parts(log: Path) -> None:
     """CPU seconds of the parts of a replay before the estimate, in this process."""
     packets = _told("packets out of the log", lambda: read_log(log, (RAW,)).frames)
-    observations = _told("packets into observations", lambda: list(Gate(1, yaw=False).observations(packets)))
     _told("packets into legs", lambda: flight_from_packets(packets, "log", system=1))
-    print(f"{len(packets)} packets, {len(observations)} observations")
 
 
 def _told(what: str, run: Callable[[], T]) -> T:
