@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections import Counter
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NotRequired, TypedDict
@@ -187,9 +187,9 @@ class _Contents:
                 self._counts[channel] += own.size
                 do = self._used(channel)
                 if do is not None:
-                    columns = (column[own].tolist() for column in (rows.time_ns, rows.begin, rows.end))
-                    for time_ns, begin, end in zip(*columns, strict=True):
-                        self._decode(do, time_ns, chunk.records[begin:end])
+                    begin, end = rows.begin[own].tolist(), rows.end[own].tolist()
+                    contents = [chunk.records[a:b] for a, b in zip(begin, end, strict=True)]
+                    self._decode(do, rows.time_ns[own].tolist(), contents)
 
     def _one_by_one(self, chunk: Chunk) -> None:
         """Of a chunk in which something is wrong, what is before that."""
@@ -199,7 +199,7 @@ class _Contents:
                 self._counts[channel] += 1
                 self._seen(time_ns, time_ns)
                 if do is not None:
-                    self._decode(do, time_ns, data)
+                    self._decode(do, (time_ns,), (data,))
         except (struct.error, ValueError, McapError):
             self._unreadable += 1
 
@@ -212,11 +212,12 @@ class _Contents:
             self._use[channel] = self._use_of(*self._declared.channel(channel))
         return self._use[channel]
 
-    def _decode(self, do: _Use, time_ns: int, data: bytes) -> None:
-        try:
-            do(time_ns, data)
-        except (DecodeError, ValueError, TypeError, RecursionError):  # whole, but not what the topic promises
-            self._unreadable += 1
+    def _decode(self, do: _Use, times_ns: Iterable[int], contents: Iterable[bytes]) -> None:
+        for time_ns, data in zip(times_ns, contents, strict=True):
+            try:
+                do(time_ns, data)
+            except (DecodeError, ValueError, TypeError, RecursionError):  # whole, but not what the topic promises
+                self._unreadable += 1
 
     def _use_of(self, channel: Channel, schema: Schema | None) -> _Use | None:
         """Who uses a channel's messages: one of ours by topic, encoding and schema."""
