@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import logging
 import threading
+import time
 from collections import deque
 from typing import Any, Self, cast
 
@@ -74,7 +75,7 @@ class Live:
         self._stop.set()
         self._thread.join(5.0)
         if self.watched.is_set():
-            threading.Event().wait(_LAST_WORDS_S)
+            time.sleep(_LAST_WORDS_S)
         self._server.stop()
 
     def __enter__(self) -> Self:
