@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import importlib
 import io
 import os
@@ -14,9 +15,10 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from dslam_mav.commands.command import Commands, add_command
+from dslam_mav.commands.live_options import live_apart
 from dslam_mav.commands.log_options import add_logs
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
@@ -47,12 +49,18 @@ class _Parser(argparse.ArgumentParser):
         # -33.5,151.2 is a place in the south, no option
         self._negative_number_matcher = re.compile(r"-[\d.]")
 
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """`--live` may stand alone before a PLAN or LOG."""
+        words = sys.argv[1:] if args is None else args
+        return super().parse_known_args(live_apart(words), namespace)
+
     def error(self, message: str) -> NoReturn:
         raise BadInputError(f"{self.prog}: {message} (see {self.prog} --help)")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code."""
+    gc.set_threshold(50_000, 20, 100)  # a log is a million objects and no garbage: looked through less often
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without √ is no reason to lose a result

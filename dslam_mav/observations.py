@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -55,6 +58,17 @@ class Yaw:
 
     time_boot_ms: int
     yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadingSeries:
+    """All readings of one sender in a recording, in its order: (N,) each. `order` is their place among all packets."""
+
+    name: str
+    component: int
+    order: NDArray[np.int64]
+    time_boot_ms: NDArray[np.int64]
+    value: NDArray[np.float64]
 
 
 Observation = Reading | Progress | Odometry | GroundSpeed | Yaw

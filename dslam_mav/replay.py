@@ -66,10 +66,9 @@ def flight_from_packets(
     system = autopilot_system(system_frames(packets)) if system is None else system
     if system is None:
         raise BadInputError(f"{name}: {_NO_AUTOPILOT}")
-    observations = Gate(system, yaw=yaw).observations(packets)
-    return flight_from_observations(
-        observations, name, plan=plan, distance=distance, heard=lambda: names_heard(_frames(packets), system)
-    )
+    collector = LegCollector(plan, distance=distance)
+    collector.add_recorded(*Gate(system, yaw=yaw).recorded(packets))
+    return flight_of_collector(collector, name, lambda: names_heard(_frames(packets), system))
 
 
 def flight_from_frames(

@@ -37,7 +37,7 @@ HOUSE = {
     "dslam": ("records dslam.paper", "numpy scipy numba llvmlite threadpoolctl"),
     "dslam.paper": ("records dslam", "numpy scipy"),
     "mav": (LEGS, "pymavlink numpy"),
-    "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove_schemas_protobuf zstandard numpy"),
+    "log": (f"{BASE} dslam", "mcap mcap_protobuf google foxglove foxglove_schemas_protobuf zstandard numpy"),
     "export": (f"{BASE} legs", "numpy pymap3d pyarrow"),
     "report": (f"{BASE} dslam", "jinja2 rich numpy"),
     "experiments": (f"{BASE} dslam dslam.paper experiments.pictures", "numpy scipy threadpoolctl"),
@@ -195,7 +195,13 @@ def test_no_import_runs_in_a_circle(house):
 
 @pytest.mark.parametrize(
     ("package", "room"),
-    [("pymavlink", "mav"), ("mcap", "log"), ("google", "log"), ("foxglove_schemas_protobuf", "log")],
+    [
+        ("pymavlink", "mav"),
+        ("mcap", "log"),
+        ("google", "log"),
+        ("foxglove_schemas_protobuf", "log"),
+        ("foxglove", "log"),
+    ],
 )
 def test_a_format_is_known_in_one_room_only(house, package, room):
     users = {m.room for m in house for name in m.outside() if name.split(".")[0] == package}

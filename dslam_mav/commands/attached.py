@@ -5,14 +5,17 @@ from __future__ import annotations
 import shlex
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import Recorded, configuration
-from dslam_mav.forecast import Sensor, forecast
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mission import Mission, has_home_item, leg_plan, without_home_item
 from dslam_mav.records import Prediction
 from missions.plan_file import parse_plan, plan_bytes
+
+if TYPE_CHECKING:
+    from dslam_mav.forecast import Sensor
 
 MISSION_ATTACHMENT = "mission.waypoints"
 PLAN_ATTACHMENT = "plan.plan"
@@ -42,6 +45,8 @@ def attach(recorder: Recorder, mission: Mission, assumptions: Assumptions, vehic
 
 def predict(recorder: Recorder, mission: Mission, assumptions: Assumptions, sensor: Sensor) -> Prediction | None:
     """Say in the log what the mission is expected to see, where anything can be said before it is flown."""
+    from dslam_mav.forecast import forecast
+
     prediction = forecast(leg_plan(mission).vertices_m, assumptions, sensor)
     if prediction is not None:
         recorder.prediction(time.time_ns(), prediction)

@@ -12,6 +12,7 @@ from dslam_mav.commands.adaptive_options import check
 from dslam_mav.commands.assume import assumptions_from
 from dslam_mav.commands.flying import Setup, fly
 from dslam_mav.commands.folder import flight_folder
+from dslam_mav.commands.live import served
 from dslam_mav.commands.outcome import show, write_report
 from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
@@ -38,14 +39,15 @@ def run(options: Namespace) -> int:
         screen.warn(note)
     for note in setup.readings.notes:
         screen.say(note)
-    with screen.progress("loading the estimator (compiled on first use)"):
-        warm_up()
-    with flight_folder(Path(options.out)) as folder:
-        outcome = fly(setup, folder, options, screen)
-        try:
-            outcome = write_report(outcome, folder / "report.html")
-        except LogError as problem:  # a full disk must not cost the answer
-            outcome = replace(outcome, stopped=outcome.stopped or problem)
+    with served(options, screen) as live:
+        with screen.progress("loading the estimator (compiled on first use)"):
+            warm_up()
+        with flight_folder(Path(options.out)) as folder:
+            outcome = fly(replace(setup, live=live.send if live else None), folder, options, screen)
+            try:
+                outcome = write_report(outcome, folder / "report.html")
+            except LogError as problem:  # a full disk must not cost the answer
+                outcome = replace(outcome, stopped=outcome.stopped or problem)
     return show(screen, outcome)
 
 

@@ -24,7 +24,7 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
 from dslam_mav.errors import DslamError, LinkError
 from dslam_mav.legs import LegCollector, flight_of, plan_facts
-from dslam_mav.log.recorder import Recorder
+from dslam_mav.log.recorder import Also, Recorder
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT
 from dslam_mav.mav.mission.transfer import upload
 from dslam_mav.mav.onboard import Onboard, Update
@@ -52,6 +52,7 @@ class Setup:
     plan_name: str
     notes: tuple[str, ...] = ()
     signing: Signing | None = None
+    live: Also | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +77,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         given = _upload(vehicle, setup, screen)
         held = as_logged(given)
         legs = leg_plan(held)
-        recorder = stack.enter_context(Recorder(folder / "flight.mcap"))
+        recorder = stack.enter_context(Recorder(folder / "flight.mcap", setup.live))
         point_latest(folder)
         truth = _truth(setup, held)
         attach(recorder, held, setup.assumptions, system)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dslam_mav.commands import options as shared
 from dslam_mav.commands.command import Commands, add_command
-from dslam_mav.commands.options import RECORDINGS
+from dslam_mav.commands.live_options import live
+from dslam_mav.commands.options import NOT_NEGATIVE, RECORDINGS
 
 
 def add_logs(commands: Commands) -> None:
@@ -21,6 +22,10 @@ def _replay(commands: Commands) -> None:
     shared.recording(parser)
     parser.add_argument("--report", metavar="FILE", help="write the page too")
     shared.settings(parser, "change one assumption, repeatable: writes LOG.set-N.mcap, shows both answers")
+    live(parser, "then play the log to Foxglove, from its first viewer on, and serve it until Ctrl-C")
+    parser.add_argument(
+        "--speed", metavar="X", type=NOT_NEGATIVE, help="of --live, times the flight's; 0: without waiting (default: 1)"
+    )
     shared.assumptions(parser)
 
 

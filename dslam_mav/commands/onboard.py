@@ -14,6 +14,7 @@ from dslam_mav.commands.assume import assumptions_from, in_words
 from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
+from dslam_mav.commands.live import served
 from dslam_mav.commands.meeting import Met, met
 from dslam_mav.commands.outcome import Outcome, show
 from dslam_mav.commands.screen import Screen
@@ -23,6 +24,7 @@ from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError, DslamError
 from dslam_mav.forecast import Sensor
 from dslam_mav.legs import LegCollector, plan_facts
+from dslam_mav.log.live import Live
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mav.onboard import Onboard, Update
@@ -39,18 +41,18 @@ def run(options: Namespace) -> int:
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
     signing = signing_from(options, screen)
-    with met([options.connect], options, signing) as vehicle:
-        return _listen(vehicle, assumptions, options, screen)
+    with served(options, screen) as live, met([options.connect], options, signing) as vehicle:
+        return _listen(vehicle, assumptions, options, screen, live)
 
 
-def _listen(vehicle: Met, assumptions: Assumptions, options: Namespace, screen: Screen) -> int:
+def _listen(vehicle: Met, assumptions: Assumptions, options: Namespace, screen: Screen, live: Live | None) -> int:
     out, system = Path(options.out), vehicle.system
     held = _mission(vehicle, options)
     mission = as_logged(held)
     vehicle.hubs[0].leave(vehicle.ground)
     with screen.progress("loading the estimator (compiled on first use)"):
         warm_up()
-    with Recorder(out) as recorder:
+    with Recorder(out, live.send if live else None) as recorder:
         attach(recorder, mission, assumptions, system)
         predict(recorder, mission, assumptions, Sensor())
         collector = LegCollector(plan_facts(mission), distance=assumptions.distance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.screen import Screen
@@ -12,15 +13,13 @@ from dslam_mav.commands.summary import headline, summary, table
 from dslam_mav.dslam.scoring import has_positions
 from dslam_mav.errors import DslamError, LogError
 from dslam_mav.files import write_whole
-from dslam_mav.forecast import Sensor, forecast
 from dslam_mav.legs import FlownLeg
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Estimate, Flight, Prediction, Truth
-from dslam_mav.report.data import ReportData
-from dslam_mav.report.foreseen import Background
-from dslam_mav.report.page import render
 from dslam_mav.report.table import result_json
-from dslam_mav.report.words import title_of
+
+if TYPE_CHECKING:
+    from dslam_mav.report.foreseen import Background
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +60,8 @@ def truth_of(truth: Truth | None, mission: Mission | None, legs: Sequence[FlownL
 
 def background_of(outcome: Outcome, estimate: Estimate) -> Background | None:
     """What was expected and how it grew; where the log does not say what was expected, what would have been."""
+    from dslam_mav.report.foreseen import Background
+
     assumed = outcome.assumptions
     if assumed is None:
         return None
@@ -75,6 +76,8 @@ def background_of(outcome: Outcome, estimate: Estimate) -> Background | None:
 
 
 def _expected(outcome: Outcome, estimate: Estimate, assumed: Assumptions) -> Prediction | None:
+    from dslam_mav.forecast import Sensor, forecast
+
     path = estimate.path.vertices_m[:, :2] if outcome.mission is None else leg_plan(outcome.mission).vertices_m
     length_m = float(outcome.flight.lengths_m.sum())
     return forecast(path, assumed, Sensor(outcome.flight.n_readings / length_m)) if length_m else None
@@ -84,6 +87,10 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
     """Write the page; without an estimate there is none to write."""
     if outcome.estimate is None:
         return outcome
+    from dslam_mav.report.data import ReportData
+    from dslam_mav.report.page import render
+    from dslam_mav.report.words import title_of
+
     facts = {**outcome.facts, "log": str(outcome.log)}
     warnings = outcome.warnings
     if outcome.stopped is not None:

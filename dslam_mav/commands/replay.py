@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.derived import write_derived
+from dslam_mav.commands.live import check, play, served
 from dslam_mav.commands.logged import as_flown, estimate_again, open_logged
 from dslam_mav.commands.outcome import show, write_report
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.settings import with_settings
-from dslam_mav.commands.side_by_side import comparison
 from dslam_mav.errors import DslamError
 from dslam_mav.report.table import result_json
 
@@ -20,19 +19,36 @@ from dslam_mav.report.table import result_json
 def run(options: Namespace) -> int:
     """Replay; with `--report FILE` the page is written too."""
     screen = Screen(json_only=options.json)
-    if options.set:
-        return _with_settings(screen, options)
+    check(options)
+    with served(options, screen) as live:
+        log = _with_settings(screen, options) if options.set else _again(screen, options)
+        if live is not None:
+            play(live, log, 1.0 if options.speed is None else options.speed, screen)
+    return 0
+
+
+def _again(screen: Screen, options: Namespace) -> Path:
+    """The answer; the log it is of."""
     with screen.progress("reading the log"):
         logged = open_logged(Path(options.log), options)
     with screen.progress("estimating"):
         outcome = estimate_again(logged)
     if options.report:
         outcome = write_report(outcome, Path(options.report))
-    return show(screen, outcome)
+    try:
+        show(screen, outcome)
+    except DslamError as problem:
+        if options.live is None:
+            raise
+        screen.warn(str(problem))  # a flight without an answer is looked at all the more
+    return outcome.log
 
 
-def _with_settings(screen: Screen, options: Namespace) -> int:
-    """The answer as it was beside the one under `--set`, which goes to a log of its own."""
+def _with_settings(screen: Screen, options: Namespace) -> Path:
+    """The answer as it was beside the one under `--set`, which goes to a log of its own: that log."""
+    from dslam_mav.commands.derived import write_derived
+    from dslam_mav.commands.side_by_side import comparison
+
     path = Path(options.log)
     with_settings(Assumptions(), options.set)  # refused before the log is read
     with screen.progress("estimating as before"):
@@ -56,4 +72,4 @@ def _with_settings(screen: Screen, options: Namespace) -> int:
     told = result_json(now, after.truth, after.log, after.report)
     given = dict(setting.split("=", 1) for setting in options.set)
     screen.result({**told, "set": given, "before": result_json(was, before.truth, path, None)})
-    return 0
+    return after.log

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dslam_mav.commands import options as shared
 from dslam_mav.commands.command import Commands, add_command
+from dslam_mav.commands.live_options import live
 from dslam_mav.commands.options import COUNT, POSITIVE, SEED
 
 
@@ -106,6 +107,7 @@ def _onboard(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument("--out", metavar="FILE", required=True, help="the log to write (.mcap)")
     parser.add_argument("--plan", metavar="FILE", help="the mission flown (default: asked of the vehicle)")
+    live(parser)
     shared.assumptions(parser)
     shared.adaptive(parser)
     shared.vehicle_link(parser)
@@ -128,6 +130,7 @@ def _fly(commands: Commands) -> None:
     parser.add_argument("--here", action="store_true", help="fly the PLAN from where the vehicle stands")
     shared.truth_from(parser)
     shared.feed_odometry(parser)
+    live(parser)
     parser.add_argument("--out", metavar="DIR", default="logs", help="parent of the flight's folder (default: logs)")
     parser.add_argument(
         "--speedup", metavar="X", type=POSITIVE, default=10.0, help="of the loopback vehicle (default: 10)"

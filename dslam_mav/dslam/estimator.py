@@ -21,7 +21,6 @@ from dslam_mav.dslam.answer import Answers, assemble, nothing
 from dslam_mav.dslam.arguments import check, check_count, hopeless, usable
 from dslam_mav.dslam.certify import MISFIT_MATTERS, MISFIT_P_VALUE, too_few
 from dslam_mav.dslam.doubt import doubted
-from dslam_mav.dslam.paper.method import estimate_by_paper
 from dslam_mav.dslam.paper.options import PaperOptions
 from dslam_mav.dslam.priors import Priors, priors_of
 from dslam_mav.dslam.problem import problem, steadied
@@ -109,6 +108,8 @@ def _by_paper(
     known_points: Mapping[int, ArrayLike] | None,
 ) -> Estimate:
     with _threads().limit(limits=1, user_api="blas"):
+        from dslam_mav.dslam.paper.method import estimate_by_paper
+
         return estimate_by_paper(
             flight, medium, n_sources, max_sources, options or PaperOptions(), closed=closed, known_points=known_points
         )

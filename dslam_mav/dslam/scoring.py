@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import quad
-from scipy.optimize import linear_sum_assignment
 
 from dslam_mav.dslam.align import Alignment, to_canonical, truth_in_canonical
 from dslam_mav.records import Estimate, Truth
@@ -112,6 +110,8 @@ def score(estimate: Estimate, truth: Truth) -> Score | None:
 
 def match(position_m: Array, truth_m: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The assignment of (K, d) to (M, d) places with the least sum of distances: two (min(K, M),) indices."""
+    from scipy.optimize import linear_sum_assignment  # a tenth of a second, for whoever knows the truth
+
     distance_m = np.linalg.norm(position_m[:, None, :] - truth_m[None, :, :], axis=2)
     found, real = linear_sum_assignment(distance_m)
     return found, real
@@ -140,6 +140,8 @@ def paper_line_error(estimated_m: Array, truth_m: Array) -> float:
 
 def _leg_integral(estimated_m: Array, truth_m: Array) -> float:
     """One leg of E_lines; both (2, d). Infinite where only the true leg meets the origin."""
+    from scipy.integrate import quad
+
     start, along = truth_m[0], truth_m[1] - truth_m[0]
     offset, change = estimated_m[0] - start, estimated_m[1] - estimated_m[0] - along
     square = float(along @ along)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
 CLOCK_MS = 2**32
 """Where time_boot_ms starts again."""
 
@@ -59,6 +64,17 @@ class VehicleClock:
         if time_ms > self.newest_ms:
             self.newest_ms, self._wire_ms = time_ms, time_boot_ms
         return time_ms
+
+    @property
+    def state(self) -> tuple[int, int]:
+        """The newest time, and what it was on the wire; of a clock that was set."""
+        return self.newest_ms or 0, self._wire_ms
+
+    @staticmethod
+    def place_many(time_boot_ms: Ints, newest_ms: Ints, wire_ms: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+        """(N,) what `place` gives in each `state` of an autopilot's clock, and whether it is of that clock."""
+        step_ms = (time_boot_ms - wire_ms + CLOCK_MS // 2) % CLOCK_MS - CLOCK_MS // 2
+        return newest_ms + step_ms, (-step_ms >= -MOST_EARLY_MS) & (-step_ms <= MOST_LATE_MS)
 
     @property
     def autopilots(self) -> bool:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
 from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap_protobuf.schema import build_file_descriptor_set
+from numpy.typing import NDArray
 
 from dslam_mav.log.packets import encode_frame
 from dslam_mav.log.scan import Chunk, Scan
@@ -24,6 +27,19 @@ _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log ti
 
 Message = tuple[int, int, int, int, bytes]
 """Channel, sequence, log time, publish time, content."""
+
+
+_FIELDS = np.dtype([("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("time_ns", "<u8"), ("_", "<u8")])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """The messages of a chunk in columns, (N,) each: channel, log time, and where in the chunk the content lies."""
+
+    channel: NDArray[np.uint16]
+    time_ns: NDArray[np.uint64]
+    begin: NDArray[np.int64]
+    end: NDArray[np.int64]
 
 
 class Declared:
@@ -62,6 +78,49 @@ class Declared:
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._declare(opcode, stream(chunk, at + RECORD.size, end))
             at = end
+
+    def rows(self, chunk: bytes) -> Rows | None:
+        """What `messages` gives of a chunk that is as it should be, much faster: declared before it is used, numbered
+        on. None of any other, and nothing is kept of it.
+        """
+        at, starts = 0, list[int]()
+        unpack, step = RECORD.unpack_from, RECORD.size
+        try:
+            while at < len(chunk):
+                opcode, length = unpack(chunk, at)
+                if opcode == Opcode.MESSAGE:
+                    starts.append(at)
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    if starts:
+                        return None
+                    self._declare(opcode, stream(chunk, at + step, at + step + length))
+                at += step + length
+        except (struct.error, ValueError, McapError):
+            return None
+        start = np.array(starts, dtype=np.int64)
+        if at != len(chunk) or len(chunk) < _MESSAGE.size:
+            return None
+        fields = np.frombuffer(chunk, np.uint8)[start[:, None] + np.arange(1, _MESSAGE.size)].view(_FIELDS).ravel()
+        end = start + step + fields["length"].astype(np.int64)
+        if (end < start + _MESSAGE.size).any() or not self._number(fields["channel"], fields["sequence"]):
+            return None
+        return Rows(fields["channel"], fields["time_ns"], start + _MESSAGE.size, end)
+
+    def _number(self, channel: NDArray[np.uint16], sequence: NDArray[np.uint32]) -> bool:
+        """Whether all channels are known and, in a log of ours, their messages numbered on; then it is kept."""
+        last: dict[int, int] = {}
+        for number in np.unique(channel).tolist():
+            own = sequence[channel == number].astype(np.int64)
+            if self.ours and (own[0] < self.numbered.get(number, 0) or (np.diff(own) <= 0).any()):
+                return False
+            try:
+                self.channel(number)
+            except ValueError:
+                return False
+            last[number] = int(own[-1]) + 1
+        if self.ours:
+            self.numbered.update(last)
+        return True
 
     def _declare(self, opcode: int, piece: ReadDataStream) -> None:
         if opcode == Opcode.SCHEMA:
@@ -116,7 +175,7 @@ def _is_our_frame(stored: RawFrame) -> bool:
 
 
 @cache
-def _our_schemas() -> dict[str, Schema]:
+def our_schemas() -> dict[str, Schema]:
     """The schema of each of our topics, numbered as its channel."""
     return {
         topic: Schema(
@@ -131,4 +190,4 @@ def _our_schemas() -> dict[str, Schema]:
 
 def _our_channel(number: int) -> tuple[Channel, Schema]:
     topic = list(TOPICS)[number - 1]
-    return Channel(number, topic, "protobuf", {}, number), _our_schemas()[topic]
+    return Channel(number, topic, "protobuf", {}, number), our_schemas()[topic]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections import Counter
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NotRequired, TypedDict
 
+import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
@@ -19,6 +20,7 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 from dslam_mav.errors import BadInputError
 from dslam_mav.log import codec
 from dslam_mav.log.declared import Declared, is_ours
+from dslam_mav.log.packets import Raw
 from dslam_mav.log.recovered import Recovered, recovered_from
 from dslam_mav.log.scan import Chunk, Scan
 from dslam_mav.log.schemas import flight_pb2 as pb
@@ -84,11 +86,7 @@ def read_log(path: Path, topics: Container[str] = tuple(TOPICS)) -> FlightLog:
     texts: list[tuple[int, int, str]] = []
     truth: list[Truth] = []
     predictions: list[Prediction] = []
-    raw_frame, thermal, mission = (
-        pb.RawFrame.FromString,
-        pb.ThermalReading.FromString,
-        pb.MissionProgress.FromString,
-    )
+    raw, thermal, mission = Raw(), pb.ThermalReading.FromString, pb.MissionProgress.FromString
 
     def use_estimate(time_ns: int, data: bytes) -> None:
         update = pb.EstimateUpdate.FromString(data)
@@ -96,7 +94,7 @@ def read_log(path: Path, topics: Container[str] = tuple(TOPICS)) -> FlightLog:
         estimates.append(LoggedEstimate(time_ns, update.legs_flown, update.final, estimate))
 
     uses: dict[str, _Use] = {
-        RAW: lambda time_ns, data: frames.append((time_ns, raw_frame(data).raw)),
+        RAW: lambda time_ns, data: frames.append((time_ns, raw(data))),
         THERMAL: lambda time_ns, data: readings.append((time_ns, codec.decode_reading(thermal(data)))),
         MISSION: lambda time_ns, data: progress.append((time_ns, codec.decode_progress(mission(data)))),
         ESTIMATE: use_estimate,
@@ -120,6 +118,17 @@ def read_log(path: Path, topics: Container[str] = tuple(TOPICS)) -> FlightLog:
         complete=info["complete"],
         recovered=info.get("recovered"),
     )
+
+
+def read_messages(path: Path) -> list[tuple[int, str, bytes]]:
+    """The messages of our topics as they lie in a log: (log time, topic, protobuf), by time. Errors as `read_log`."""
+    found: list[tuple[int, str, bytes]] = []
+
+    def keep(topic: str) -> _Use:
+        return lambda time_ns, data: found.append((time_ns, topic, data))
+
+    _Contents({topic: keep(topic) for topic in TOPICS}).read(path)
+    return sorted(found, key=lambda message: message[0])
 
 
 def log_info(path: Path) -> LogInfo:
@@ -168,26 +177,47 @@ class _Contents:
         return dict(topics)
 
     def _chunk(self, chunk: Chunk) -> None:
-        counts, use = self._counts, self._use
+        rows = self._declared.rows(chunk.records)
+        if rows is None:
+            self._one_by_one(chunk)
+        elif rows.channel.size:
+            self._seen(int(rows.time_ns.min()), int(rows.time_ns.max()))
+            for channel in np.unique(rows.channel).tolist():
+                own = np.flatnonzero(rows.channel == channel)
+                self._counts[channel] += own.size
+                do = self._used(channel)
+                if do is not None:
+                    begin, end = rows.begin[own].tolist(), rows.end[own].tolist()
+                    contents = [chunk.records[a:b] for a, b in zip(begin, end, strict=True)]
+                    self._decode(do, rows.time_ns[own].tolist(), contents)
+
+    def _one_by_one(self, chunk: Chunk) -> None:
+        """Of a chunk in which something is wrong, what is before that."""
         try:
             for channel, _, time_ns, _, data in self._declared.messages(chunk.records):
-                if channel not in use:
-                    use[channel] = self._use_of(*self._declared.channel(channel))
-                counts[channel] += 1
-                if self._first_ns is None or time_ns < self._first_ns:
-                    self._first_ns = time_ns
-                self._last_ns = max(self._last_ns, time_ns)
-                do = use[channel]
+                do = self._used(channel)
+                self._counts[channel] += 1
+                self._seen(time_ns, time_ns)
                 if do is not None:
-                    self._decode(do, time_ns, data)
+                    self._decode(do, (time_ns,), (data,))
         except (struct.error, ValueError, McapError):
             self._unreadable += 1
 
-    def _decode(self, do: _Use, time_ns: int, data: bytes) -> None:
-        try:
-            do(time_ns, data)
-        except (DecodeError, ValueError, TypeError, RecursionError):  # whole, but not what the topic promises
-            self._unreadable += 1
+    def _seen(self, first_ns: int, last_ns: int) -> None:
+        self._first_ns = first_ns if self._first_ns is None else min(self._first_ns, first_ns)
+        self._last_ns = max(self._last_ns, last_ns)
+
+    def _used(self, channel: int) -> _Use | None:
+        if channel not in self._use:
+            self._use[channel] = self._use_of(*self._declared.channel(channel))
+        return self._use[channel]
+
+    def _decode(self, do: _Use, times_ns: Iterable[int], contents: Iterable[bytes]) -> None:
+        for time_ns, data in zip(times_ns, contents, strict=True):
+            try:
+                do(time_ns, data)
+            except (DecodeError, ValueError, TypeError, RecursionError):  # whole, but not what the topic promises
+                self._unreadable += 1
 
     def _use_of(self, channel: Channel, schema: Schema | None) -> _Use | None:
         """Who uses a channel's messages: one of ours by topic, encoding and schema."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -18,10 +19,10 @@ from typing import IO, Any, Self, cast
 
 from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import build_file_descriptor_set
 
 from dslam_mav.errors import LogError
 from dslam_mav.log import codec
+from dslam_mav.log.declared import our_schemas
 from dslam_mav.log.disk import Disk
 from dslam_mav.log.packets import encode_frame
 from dslam_mav.log.pictures import pictures
@@ -35,13 +36,15 @@ from dslam_mav.log.topics import (
     RAW,
     TEXT,
     THERMAL,
-    TOPICS,
     TRUTH,
 )
 from dslam_mav.observations import Progress, Reading
 from dslam_mav.records import Estimate, Prediction, Truth
 
 _SYNC_PERIOD_S = 0.5  # half of what may be lost, the other half is for a slow disk
+Also = Callable[[int, str, bytes], None]
+"""Told of a message: log time in ns, topic, protobuf."""
+
 CHUNK_BYTES = 64 * 1024  # what one damaged byte can cost
 
 
@@ -69,9 +72,12 @@ class Recorder:
     finished when the main thread ends.
     """
 
-    def __init__(self, path: Path) -> None:
-        """LogError in one line where the file exists already or cannot be written."""
+    def __init__(self, path: Path, also: Also | None = None) -> None:
+        """`also` is told every message logged, and must neither wait nor fail. LogError in one line where the file
+        exists already or cannot be written.
+        """
         self.path = Path(path)
+        self._also = also
         self.dropped_frames = 0
         self._queue: deque[_Message | _Attachment] = deque()
         self._lock = threading.RLock()
@@ -148,7 +154,10 @@ class Recorder:
     def _put(self, received_ns: int, topic: str, message: Message) -> None:
         if not 0 <= received_ns < 2**63:
             raise ValueError(f"received_ns: expected nanoseconds since 1970, got {received_ns}")
-        self._enqueue(_Message(received_ns, CHANNEL_IDS[topic], message.SerializeToString()))
+        data = message.SerializeToString()
+        if self._also is not None:
+            self._also(received_ns, topic, data)
+        self._enqueue(_Message(received_ns, CHANNEL_IDS[topic], data))
 
     def _enqueue(self, item: _Message | _Attachment) -> None:
         with self._lock:
@@ -183,13 +192,9 @@ class Recorder:
                 enable_data_crcs=True,
             )
             writer.start(profile="", library=f"{PRODUCER} {_version()}")
-            for topic, kind in TOPICS.items():
-                schema = writer.register_schema(
-                    kind.DESCRIPTOR.full_name,
-                    "protobuf",
-                    build_file_descriptor_set(kind).SerializeToString(),
-                )
-                writer.register_channel(topic, "protobuf", schema)
+            for topic, schema in our_schemas().items():
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                writer.register_channel(topic, "protobuf", number)
             disk.sync()
         except OSError as error:
             disk.discard()

@@ -19,8 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pymavlink import DFReader
-
 from dslam_mav.errors import BadInputError
 from dslam_mav.mav.decode import READING_NAME
 from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_ESTIMATOR
@@ -161,18 +159,22 @@ class _Commands:
         return Mission(tuple(self._items[number] for number in range(self._total)))
 
 
-class _Reader(DFReader.DFReader_binary):
+def _reader(path: Path) -> Any:
     """pymavlink's reader; the compiled indexer writes of every bad byte to the terminal, the other to `sys.stderr`."""
+    from pymavlink import DFReader  # slow to import, and few logs are of this kind
 
-    def init_arrays_fast(self, progress_callback: Any = None) -> None:
-        self.init_arrays(progress_callback)  # type: ignore[no-untyped-call]
+    class Reader(DFReader.DFReader_binary):
+        def init_arrays_fast(self, progress_callback: Any = None) -> None:
+            self.init_arrays(progress_callback)  # type: ignore[no-untyped-call]
+
+    return Reader(str(path))  # type: ignore[no-untyped-call]
 
 
 def _use_records(path: Path, use: Callable[[Any], None]) -> None:
     """Every record used, whole ones only. What the reader says of bad bytes is not for the person at the terminal."""
     try:
         with contextlib.redirect_stderr(io.StringIO()):
-            reader: Any = _Reader(str(path))  # type: ignore[no-untyped-call]
+            reader = _reader(path)
             while (record := reader.recv_match(type=list(_USED), strict=True)) is not None:
                 if record.get_type() in _USED and "TimeUS" in record.get_fieldnames():
                     use(record)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from fakes import flying
 from running import SCENE, end, run, spawn, spawn_vehicle, stop, wait_for
+from viewer import Viewer, by_topic, live_url
 
-from dslam_mav.log.reader import read_log
+from dslam_mav.log.reader import read_log, read_messages
 from dslam_mav.mission import leg_plan
 from missions.plan_file import read_plan
 
@@ -31,15 +32,17 @@ def test_a_flight_of_four_processes_and_another_with_the_same_vehicle(flown: Any
         started.append(vehicle)
         link = ("--connect", url, "--plan", flown.plan)
         bridge = spawn("bridge", "--scene", flown.scene, *link)
-        onboard = spawn("onboard", "--out", log, "--sources", 2, *link)
+        onboard = spawn("onboard", "--out", log, "--sources", 2, "--live", 0, *link)
         started += [bridge, onboard]
         assert ready(bridge).startswith("reading scene.json along 7 legs of vehicle 1")
+        watching = Viewer(live_url(onboard), ("/path", "/scene"))
         assert ready(onboard).startswith("listening to vehicle 1 on udpout:")
         upload = run("upload", flown.plan, "--connect", url, "--start", "--json")
         assert (upload.code, upload.err) == (0, "")
         assert upload.object["started"] is True
         assert upload.object["legs"] == 7
         done, sent = end(onboard), end(bridge)
+        watching.to_the_end()
         out = ("--connect", url, "--out", tmp_path / "logs", "--json")
         second = run("fly", flown.plan, "--scene", flown.scene, "--sources", 2, *out)
     finally:
@@ -47,6 +50,8 @@ def test_a_flight_of_four_processes_and_another_with_the_same_vehicle(flown: Any
             stop(process)
     assert (done.code, done.err) == (0, "")
     assert "IDENTIFIED" in done.out
+    pictures = [message for message in read_messages(log) if message[1] in ("/path", "/scene")]
+    assert by_topic(watching.messages) == by_topic(pictures)
     assert (sent.code, sent.err) == (0, "")
     assert f"{len(read_log(log).readings)} readings sent" in sent.out
     again = run("replay", log, "--json", "--heading", "plan").object

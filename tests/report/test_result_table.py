@@ -14,8 +14,8 @@ from rich.console import Console
 
 from dslam_mav.dslam.scoring import score
 from dslam_mav.records import Verdict
-from dslam_mav.report import result_json, result_table
 from dslam_mav.report.numbers import degrees, fixed, nice_ticks, significant, tick_labels, with_sd
+from dslam_mav.report.table import result_json, result_table
 
 
 def printed(table):
