@@ -7,16 +7,14 @@ import contextlib
 import importlib
 import io
 import os
-import re
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from types import FrameType
-from typing import NoReturn
 
-from dslam_mav.commands.command import Commands, add_command
+from dslam_mav.commands.command import Commands, Parser, add_command
 from dslam_mav.commands.log_options import add_logs
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
@@ -37,18 +35,6 @@ _EXIT_CODES = (
 
 class _Terminated(KeyboardInterrupt):
     """SIGTERM: ends a command as Ctrl-C does, with the log closed."""
-
-
-class _Parser(argparse.ArgumentParser):
-    """Bad usage is one line on standard error; the help stays behind --help. Options are not abbreviated."""
-
-    def __init__(self, **settings: object) -> None:
-        super().__init__(**{"allow_abbrev": False, **settings})  # type: ignore[arg-type]
-        # -33.5,151.2 is a place in the south, no option
-        self._negative_number_matcher = re.compile(r"-[\d.]")
-
-    def error(self, message: str) -> NoReturn:
-        raise BadInputError(f"{self.prog}: {message} (see {self.prog} --help)")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -96,14 +82,14 @@ def _sigterm_raises() -> Iterator[None]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="dslam-mav",
         description="Find the sources of a diffusing field, and the drone's own path, from one scalar sensor.",
         epilog=f"example: dslam-mav fly --sources 3 --ambient auto\n\n{_EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     _plan(commands)
     add_vehicle(commands)
     add_logs(commands)
