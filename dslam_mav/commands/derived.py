@@ -17,7 +17,7 @@ from typing import Any
 from dslam_mav.commands.assume import Recorded, configuration
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, attach
 from dslam_mav.commands.logged import PROVENANCE_ATTACHMENT, RECORDING_ATTACHMENT, Logged
-from dslam_mav.errors import LogError
+from dslam_mav.errors import unwritable
 from dslam_mav.log.reader import read_log
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mission import leg_plan
@@ -43,7 +43,7 @@ def write_derived(logged: Logged, estimate: Estimate, settings: Sequence[str], c
             recorder.estimate(last_ns, estimate, len(logged.replayed.legs), final=True)
         beside.rename(path)
     except OSError as problem:
-        raise LogError(f"{path}: cannot be written: {problem.strerror}") from None
+        raise unwritable(path, problem) from None
     finally:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)

@@ -17,9 +17,10 @@ from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
 from dslam_mav.dslam.warm import warm_up
-from dslam_mav.errors import BadInputError, LogError
+from dslam_mav.errors import BadInputError, DslamError
 from dslam_mav.mav.url import parse_url
 from dslam_mav.mission import CMD_CHANGE_SPEED, Mission, leg_plan, with_home_item
+from dslam_mav.records.words import count
 from missions.plan import Profile, plan_mission
 from missions.plan_file import read_plan
 from sim_bridge.vehicle import DEFAULT_HOME
@@ -44,7 +45,7 @@ def run(options: Namespace) -> int:
         outcome = fly(setup, folder, options, screen)
         try:
             outcome = write_report(outcome, folder / "report.html")
-        except LogError as problem:  # a full disk must not cost the answer
+        except DslamError as problem:  # a full disk must not cost the answer
             outcome = replace(outcome, stopped=outcome.stopped or problem)
     return show(screen, outcome)
 
@@ -65,7 +66,7 @@ def _set_up(options: Namespace, screen: Screen) -> Setup:
     legs = leg_plan(mission)
     if len(legs.vertices_m) < 2:
         raise BadInputError(
-            f"{options.plan}: {len(legs.vertices_m)} waypoints: expected 2 or more, to fly legs between"
+            f"{options.plan}: {count(len(legs.vertices_m), 'waypoint')}: expected 2 or more, to fly legs between"
         )
     readings = open_readings(options, places_m(mission), _speed_m_s(mission))
     assumptions = assumptions_from(options, medium=readings.medium)

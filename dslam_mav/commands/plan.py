@@ -15,7 +15,8 @@ from dslam_mav.commands.plan_prior import expectation
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
 from dslam_mav.records.arrays import Array
-from missions.plan_file import write_plan
+from dslam_mav.records.words import count
+from missions.plan_file import check_plan_output, write_plan
 
 if TYPE_CHECKING:
     from dslam_mav.commands.plan_prior import Expectation
@@ -29,6 +30,8 @@ MUCH_LONGER = 30.0  # times: no advice
 def run(options: Namespace) -> int:
     """Write the plan and say what it is."""
     screen = Screen(json_only=options.json)
+    if options.output:
+        check_plan_output(options.output)
     planned = find_plan(options, screen)
     path = path_of(planned, options)
     legs = np.diff(path, axis=0)
@@ -48,7 +51,7 @@ def run(options: Namespace) -> int:
     if planned.fence is not None and not planned.fence.lets_pass(path[:, :2]):
         screen.warn(f"{planned.name} leaves the geofence of {options.fence}")
     if options.output:
-        screen.say(f"written {options.output}")
+        screen.say(f"Written {options.output}")
     from dslam_mav.commands import plan_words as words
 
     screen.result(
@@ -136,7 +139,7 @@ def _reach(options: Namespace, seen: Outlook, length_m: float) -> None:
 def _tell_legs(screen: Screen, name: str, legs: Array, lengths_m: Array) -> None:
     from dslam_mav.commands.plan_words import turn
 
-    screen.say(f"{name}: {len(legs)} legs, {lengths_m.sum():.1f} m")
+    screen.say(f"{name}: {count(len(legs), 'leg')}, {lengths_m.sum():.1f} m")
     turns = np.degrees(np.diff(np.arctan2(legs[:, 1], legs[:, 0])))
     turns = (turns + 180.0) % 360.0 - 180.0
     for j, leg_m in enumerate(lengths_m):

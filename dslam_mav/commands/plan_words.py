@@ -7,6 +7,7 @@ from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
 from dslam_mav.dslam.outlook import BLIND_SHARE, Outlook, Range
+from dslam_mav.records.words import count
 
 if TYPE_CHECKING:
     from dslam_mav.commands.plan_again import Suggestion
@@ -17,9 +18,9 @@ if TYPE_CHECKING:
 def predicted(seen: Outlook, expected: Expectation) -> str:
     """One line of figures."""
     low, high = expected.prior.k_sources
-    who = "1 source" if high == 1 else f"{low} sources" if low == high else f"{low} to {high} sources"
+    who = count(high, "source") if low == high else f"{low} to {high} sources"
     wide = "–".join(f"{s:.3g}" for s in dict.fromkeys(expected.prior.spread_m))
-    what = f"predicted for {who}, √C {wide} m, noise sd {expected.sensing.noise_sd:.2g}"
+    what = f"Predicted for {who}, √C {wide} m, noise sd {expected.sensing.noise_sd:.2g}"
     if not math.isfinite(seen.source.median_m):
         return f"{what}: no source can be placed"
     tail = (
@@ -65,7 +66,7 @@ def warning(why: str, instead: Suggestion | None, limited: bool) -> str:
 def realised(flown: Simulated) -> str:
     """Figures of simulated flights."""
     return (
-        f"{flown.flights} simulated missions: sources to {_metres(flown.source.median_m)} rms "
+        f"{count(flown.flights, 'simulated mission')}: sources to {_metres(flown.source.median_m)} rms "
         f"(90 % {_metres(flown.source.p90_m)}), predicted for them {_metres(flown.predicted.median_m)} "
         f"({_metres(flown.predicted.p90_m)}); path to {_metres(flown.path.median_m)}; "
         f"a second answer fits as well in {100.0 * flown.second_share:.0f} %, none is given in "

@@ -9,17 +9,20 @@ from pathlib import Path
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.derived import write_derived
 from dslam_mav.commands.logged import as_flown, estimate_again, open_logged
-from dslam_mav.commands.outcome import show, write_report
+from dslam_mav.commands.outcome import PAGES, show, write_report
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.settings import with_settings
 from dslam_mav.commands.side_by_side import comparison
 from dslam_mav.errors import DslamError
+from dslam_mav.files import check_output
 from dslam_mav.report.table import result_json
 
 
 def run(options: Namespace) -> int:
     """Replay; with `--report FILE` the page is written too."""
     screen = Screen(json_only=options.json)
+    if options.report:
+        check_output(Path(options.report), PAGES)
     if options.set:
         return _with_settings(screen, options)
     with screen.progress("reading the log"):

@@ -20,7 +20,7 @@ from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from dslam_mav.errors import LogError
+from dslam_mav.errors import BadInputError, LogError, unwritable, why
 from dslam_mav.log import codec
 from dslam_mav.log.disk import Disk
 from dslam_mav.log.packets import encode_frame
@@ -70,7 +70,7 @@ class Recorder:
     """
 
     def __init__(self, path: Path) -> None:
-        """LogError in one line where the file exists already or cannot be written."""
+        """One line where the file exists already or cannot be created: see `files.unwritable`."""
         self.path = Path(path)
         self.dropped_frames = 0
         self._queue: deque[_Message | _Attachment] = deque()
@@ -165,16 +165,16 @@ class Recorder:
             if self._failure is None or self._reported:
                 return
             self._reported = True
-        raise LogError(f"{self.path}: cannot be written: {_reason(self._failure)}; the log ends here")
+        raise LogError(f"{self.path}: cannot be written: {why(self._failure)}; the log ends here")
 
     def _start(self) -> tuple[Disk, Any]:  # the writer's methods carry no types
         """The open file with its header, on disk, and every channel declared (in the first chunk)."""
         try:
             disk = Disk(self.path)
         except FileExistsError:
-            raise LogError(f"{self.path}: exists already, and a log is never overwritten") from None
+            raise BadInputError(f"{self.path}: exists already, and a log is never overwritten") from None
         except (OSError, ValueError) as error:
-            raise LogError(f"{self.path}: cannot be created: {_reason(error)}") from None
+            raise unwritable(self.path, error, "cannot be created") from None
         try:
             writer = Writer(
                 cast(IO[Any], disk),
@@ -193,7 +193,7 @@ class Recorder:
             disk.sync()
         except OSError as error:
             disk.discard()
-            raise LogError(f"{self.path}: cannot be written: {_reason(error)}") from None
+            raise unwritable(self.path, error) from None
         return disk, writer
 
     def _run(self) -> None:
@@ -232,10 +232,6 @@ class Recorder:
                     item.channel, item.time_ns, item.data, item.time_ns, self._sequence[item.channel]
                 )
                 self._sequence[item.channel] += 1
-
-
-def _reason(error: Exception) -> str:
-    return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
 
 
 def _version() -> str:
