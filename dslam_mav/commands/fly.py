@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dslam_mav.commands.adaptive_options import check
+from dslam_mav.commands.adaptive_options import check, check_mission
 from dslam_mav.commands.assume import assumptions_from
 from dslam_mav.commands.flying import Setup, fly
 from dslam_mav.commands.folder import flight_folder
@@ -35,6 +35,7 @@ def run(options: Namespace) -> int:
     screen = Screen(json_only=options.json)
     check(options)
     setup = _set_up(options, screen)
+    check_mission(options, setup.mission, setup.plan_name)
     for note in setup.notes:
         screen.warn(note)
     for note in setup.readings.notes:

@@ -9,7 +9,7 @@ from pathlib import Path
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.adaptive import Flying, steer
-from dslam_mav.commands.adaptive_options import check
+from dslam_mav.commands.adaptive_options import check, check_mission
 from dslam_mav.commands.assume import assumptions_from, in_words
 from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
@@ -44,6 +44,7 @@ def run(options: Namespace) -> int:
     with met([options.connect], options, signing) as vehicle:
         # to be changed in flight, a mission must be known as the vehicle holds it
         held = flown(vehicle, None if options.adaptive else plan)
+        check_mission(options, held, f"vehicle {vehicle.system}'s mission")
         return _listen(vehicle, held, assumptions, options, screen)
 
 
