@@ -30,8 +30,15 @@ def check_folder(path: Path) -> None:
 
 def _check_into(folder: Path, path: Path) -> None:
     if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
-        number = errno.EACCES if folder.is_dir() else errno.ENOTDIR if folder.exists() else errno.ENOENT
+        number = errno.ENOTDIR if folder.exists() else errno.ENOENT
+        if folder.is_dir():
+            number = errno.EROFS if _read_only(folder) else errno.EACCES
         raise unwritable(path, OSError(number, os.strerror(number)))
+
+
+def _read_only(folder: Path) -> bool:
+    """Whether the whole file system is, as far as can be told."""
+    return hasattr(os, "statvfs") and bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
 
 
 def write_whole(path: Path, data: bytes, *, anew: bool = True) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.derived import write_derived
+from dslam_mav.commands.derived import derived_name, write_derived
 from dslam_mav.commands.logged import as_flown, estimate_again, open_logged
 from dslam_mav.commands.outcome import PAGES, show, write_report
 from dslam_mav.commands.screen import Screen
@@ -15,6 +15,7 @@ from dslam_mav.commands.settings import with_settings
 from dslam_mav.commands.side_by_side import comparison
 from dslam_mav.errors import DslamError
 from dslam_mav.files import check_output
+from dslam_mav.recordings import kind_of
 from dslam_mav.report.table import result_json
 
 
@@ -38,6 +39,8 @@ def _with_settings(screen: Screen, options: Namespace) -> int:
     """The answer as it was beside the one under `--set`, which goes to a log of its own."""
     path = Path(options.log)
     with_settings(Assumptions(), options.set)  # refused before the log is read
+    kind_of(path)
+    check_output(derived_name(path))
     with screen.progress("estimating as before"):
         before = as_flown(open_logged(path, Namespace(**{**vars(options), "set": None})))
     with screen.progress("estimating as set"):

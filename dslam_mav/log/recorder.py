@@ -42,6 +42,7 @@ from dslam_mav.observations import Progress, Reading
 from dslam_mav.records import Estimate, Prediction, Truth
 
 _SYNC_PERIOD_S = 0.5  # half of what may be lost, the other half is for a slow disk
+LOG_ENDS = "; the log ends here"
 CHUNK_BYTES = 64 * 1024  # what one damaged byte can cost
 
 
@@ -165,7 +166,7 @@ class Recorder:
             if self._failure is None or self._reported:
                 return
             self._reported = True
-        raise LogError(f"{self.path}: cannot be written: {why(self._failure)}; the log ends here")
+        raise LogError(f"{self.path}: cannot be written: {why(self._failure)}{LOG_ENDS}")
 
     def _start(self) -> tuple[Disk, Any]:  # the writer's methods carry no types
         """The open file with its header, on disk, and every channel declared (in the first chunk)."""
