@@ -8,17 +8,14 @@ import gc
 import importlib
 import io
 import os
-import re
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from types import FrameType
-from typing import Any, NoReturn
 
-from dslam_mav.commands.command import Commands, add_command
-from dslam_mav.commands.live_options import live_apart
+from dslam_mav.commands.command import Commands, Parser, add_command
 from dslam_mav.commands.log_options import add_logs
 from dslam_mav.commands.paper_options import add_paper
 from dslam_mav.commands.plan_options import add_plan
@@ -41,23 +38,6 @@ class _Terminated(KeyboardInterrupt):
     """SIGTERM: ends a command as Ctrl-C does, with the log closed."""
 
 
-class _Parser(argparse.ArgumentParser):
-    """Bad usage is one line on standard error; the help stays behind --help. Options are not abbreviated."""
-
-    def __init__(self, **settings: object) -> None:
-        super().__init__(**{"allow_abbrev": False, **settings})  # type: ignore[arg-type]
-        # -33.5,151.2 is a place in the south, no option
-        self._negative_number_matcher = re.compile(r"-[\d.]")
-
-    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """`--live` may stand alone before a PLAN or LOG."""
-        words = sys.argv[1:] if args is None else args
-        return super().parse_known_args(live_apart(words), namespace)
-
-    def error(self, message: str) -> NoReturn:
-        raise BadInputError(f"{self.prog}: {message} (see {self.prog} --help)")
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code."""
     gc.set_threshold(50_000, 20, 100)  # a log is a million objects and no garbage: looked through less often
@@ -66,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")  # a terminal without √ is no reason to lose a result
     try:
         with _sigterm_raises():
-            options = _parser().parse_args(arguments)
+            options = _parser().parse_args(live_apart(sys.argv[1:] if arguments is None else arguments))
             module, function = options.run
             command: Callable[[argparse.Namespace], int] = getattr(
                 importlib.import_module(f"dslam_mav.commands.{module}"), function
@@ -104,14 +84,14 @@ def _sigterm_raises() -> Iterator[None]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="dslam-mav",
         description="Find the sources of a diffusing field, and the drone's own path, from one scalar sensor.",
         epilog=f"example: dslam-mav fly --sources 3 --ambient auto\n\n{_EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"dslam-mav {version('dslam-mav')}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     _plan(commands)
     add_vehicle(commands)
     add_logs(commands)

@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+import errno
+
 
 class DslamError(Exception):
     """A failure at run time that the person at the keyboard should read; the message is one line."""
@@ -25,3 +27,26 @@ class MissionError(DslamError):
 
 class LogError(DslamError):
     """A log that could not be written or read."""
+
+
+_THE_DISKS_FAULT = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE})
+"""Another name would not help: all else is a path that cannot be used as given."""
+
+
+def why(problem: Exception) -> str:
+    """The reason alone, as it stands within a sentence."""
+    reason = getattr(problem, "strerror", None) or str(problem) or type(problem).__name__
+    return reason[0].lower() + reason[1:] if reason[1:2].islower() else reason
+
+
+def unreadable(path: object, problem: Exception) -> BadInputError:
+    """One line."""
+    return BadInputError(f"{path}: cannot be read: {why(problem)}")
+
+
+def unwritable(path: object, problem: Exception, told: str = "cannot be written") -> DslamError:
+    """One line: a BadInputError where the path is to blame (no such folder, not permitted, there already), a LogError
+    where the disk is (full, broken).
+    """
+    number = problem.errno if isinstance(problem, OSError) else None
+    return (LogError if number in _THE_DISKS_FAULT else BadInputError)(f"{path}: {told}: {why(problem)}")

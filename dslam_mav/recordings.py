@@ -13,17 +13,18 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.legs import Distance, LegCollector, PlanFacts, plan_facts
 from dslam_mav.legs.places import NEAR_SHARE, passes, straight_pieces
 from dslam_mav.log.reader import FlightLog
 from dslam_mav.mav import dataflash
-from dslam_mav.mav.decode import autopilot_system
+from dslam_mav.mav.decode import READING_NAME, autopilot_system
 from dslam_mav.mav.frames import Frame
 from dslam_mav.mav.mission.heard import mission_heard
 from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.mission import LegPlan, Mission, leg_plan
 from dslam_mav.observations import Observation, Odometry, Progress, Reading, Yaw
+from dslam_mav.records.words import count
 from dslam_mav.replay import (
     Replayed,
     flight_from_frames,
@@ -68,7 +69,7 @@ def open_recording(path: Path, columns: str | None = None) -> Recording:
     """The recording in a .tlog, .bin or CSV file; BadInputError in one line for what cannot be read."""
     kind = kind_of(path)
     if columns is not None and kind != "csv":
-        raise BadInputError(f"--columns {columns}: expected with a CSV file, got {path.name}")
+        raise BadInputError(_columns_of_a_csv(columns, path))
     if kind == "csv":
         return Table(path, read_csv(path, columns))
     if kind == "dataflash":
@@ -81,8 +82,15 @@ def open_recording(path: Path, columns: str | None = None) -> Recording:
 def our_log(path: Path, log: FlightLog, columns: str | None = None) -> Recording:
     """The recording in a log of ours."""
     if columns is not None:
-        raise BadInputError(f"--columns {columns}: expected with a CSV file, got {path.name}")
+        raise BadInputError(_columns_of_a_csv(columns, path))
     return OurLog(path, log)
+
+
+def _columns_of_a_csv(columns: str, path: Path) -> str:
+    return (
+        f"--columns {columns}: expected with a CSV file, got {path.name}: of other recordings the readings are "
+        f"{READING_NAME}; a .tlog's other fields are readings for fly --readings and bridge --readings"
+    )
 
 
 def kind_of(path: Path) -> str:
@@ -91,7 +99,7 @@ def kind_of(path: Path) -> str:
         with path.open("rb") as file:
             begin = file.read(8)
     except OSError as problem:
-        raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
+        raise unreadable(path, problem) from None
     suffix = path.suffix.lower()
     if begin.startswith(b"\x89MCAP"):
         return "mcap"
@@ -195,7 +203,7 @@ class Table:
                 f"{self.path.name}: no places: the plan is taken as flown at constant speed from first to last reading"
             )
         source = "the straight pieces of its track" if plan is None else "where its track passes the plan's vertices"
-        return f"{self.path.name}: {legs} legs found by {source}; directions are not used"
+        return f"{self.path.name}: {count(legs, 'leg')} found by {source}; directions are not used"
 
     def _observations(self, plan: LegPlan | None) -> Iterator[tuple[int, Observation]]:
         """(ms since the first reading, what was seen then), in order."""

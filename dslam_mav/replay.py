@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.legs import Distance, FlownLeg, LegCollector, PlanFacts, flight_of
 from dslam_mav.log.reader import read_log
 from dslam_mav.log.topics import RAW
@@ -16,6 +16,7 @@ from dslam_mav.mav.packets import Gate, Stored, system_frames
 from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.observations import Observation
 from dslam_mav.records import Flight
+from dslam_mav.records.words import count
 
 _MCAP_MAGIC = b"\x89MCAP"
 
@@ -119,7 +120,7 @@ def begins_as_mcap(path: Path) -> bool:
         with path.open("rb") as file:
             return file.read(len(_MCAP_MAGIC)) == _MCAP_MAGIC
     except OSError as problem:
-        raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
+        raise unreadable(path, problem) from None
 
 
 _NO_AUTOPILOT = "no autopilot: expected HEARTBEAT of a vehicle's component 1"
@@ -142,5 +143,5 @@ def _lack(collector: LegCollector, heard: Callable[[], Sequence[str]]) -> str:
         return f"none of the {READING_NAME} readings is a finite number"
     if collector.legs_counts["legs lost"]:
         wanted = collector.distance or "LOCAL_POSITION_NED or VFR_HUD"
-        return f"the distance flown cannot be told on {collector.legs_counts['legs lost']} legs: no {wanted}"
+        return f"the distance flown cannot be told on {count(collector.legs_counts['legs lost'], 'leg')}: no {wanted}"
     return "no leg with readings: none was taken between two items reached"

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.records.arrays import Array, read_only
 
 FIELDS = ("time_s", "value", "east_m", "north_m")
@@ -97,7 +97,7 @@ def read_csv(path: Path, columns: str | None = None) -> Series:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise BadInputError(f"{path}: cannot be read: {error.strerror}") from None
+        raise unreadable(path, error) from None
     except UnicodeDecodeError:
         raise BadInputError(f"{path}: expected text with columns, got other bytes") from None
     rows = csv.reader(io.StringIO(text))

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.mission import CMD_WAYPOINT, Mission, MissionItem, enu_to_e7, home_of, leg_plan
+from dslam_mav.mission import CMD_JUMP, CMD_WAYPOINT, Mission, MissionItem, enu_to_e7, home_of, leg_plan
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,8 @@ def continued(mission: Mission, end_seq: int, turn_rad: Sequence[float], length_
     """The mission with other legs after the one that ends at item `end_seq`, which is a vertex of it.
 
     Each leg begins with a turn from the one before, counter-clockwise, the first from the leg that ends at `end_seq`.
-    What follows the last waypoint (return, landing) still does, and no legs at all lead straight to it. ValueError:
+    What follows the last waypoint (return, landing) still does, and no legs at all lead straight to it; what stands
+    between the waypoints to come is lost (see `lost_item`). ValueError:
     `end_seq` ends no leg of the mission.
     """
     plan, home = leg_plan(mission), home_of(mission)
@@ -34,6 +35,20 @@ def continued(mission: Mission, end_seq: int, turn_rad: Sequence[float], length_
     model = mission.items[end_seq]
     to_come = [_at(model, place, mission) for place in vertices_to_come(mission, end_seq, turn_rad, length_m)[1:]]
     return replace(mission, items=(*mission.items[: end_seq + 1], *to_come, *mission.items[last + 1 :]))
+
+
+def lost_item(mission: Mission) -> int | None:
+    """The sequence number of the first item that `continued` would lose or leave pointing astray: one between the legs
+    to come, which belongs to none of them, or a jump, whose numbers then mean other items. None: nothing is lost.
+    """
+    path = leg_plan(mission).sequence
+    last = max((seq for seq, _ in mission.waypoints()), default=-1)
+    flown_on = {seq for seq, _ in mission.waypoints()}
+    for seq, item in enumerate(mission.items):
+        between = len(path) > 1 and path[1] < seq < last and seq not in flown_on
+        if between or item.command == CMD_JUMP:
+            return seq
+    return None
 
 
 def vertices_to_come(mission: Mission, end_seq: int, turn_rad: Sequence[float], length_m: Sequence[float]) -> Array:

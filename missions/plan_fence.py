@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.mission import DEGREES_E7, Home, e7_to_enu
 from missions.fence import Fence, circle, crosses_itself
 from missions.plan_fields import Spot
@@ -64,7 +64,7 @@ def read_fence(path: str | os.PathLike[str], *, needed: bool = True) -> GeoFence
     try:
         text = source.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        raise BadInputError(f"{source}: cannot be read: {error.strerror}") from None
+        raise unreadable(source, error) from None
     except UnicodeDecodeError as error:
         raise BadInputError(f"{source}: byte {error.start} is no text: expected a .plan with a geofence") from None
     return parse_fence(text, str(source), needed=needed)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dslam_mav.errors import BadInputError
-from dslam_mav.files import write_whole
+from dslam_mav.errors import BadInputError, unreadable
+from dslam_mav.files import check_output, write_whole
 from dslam_mav.mission import Mission, has_home_item
 from missions import plan_json, plan_wpl
 from missions.plan_fields import shown
@@ -57,7 +57,7 @@ def read_plan(path: str | os.PathLike[str]) -> PlanFile:
         with source.open("rb") as stream:
             data = stream.read(_LARGEST_BYTES + 1)
     except OSError as error:
-        raise BadInputError(f"{source}: cannot be read: {error.strerror}") from None
+        raise unreadable(source, error) from None
     if len(data) > _LARGEST_BYTES:
         raise BadInputError(f"{source}: more than {_LARGEST_BYTES} bytes: expected a mission file")
     return parse_plan(data, str(source))
@@ -69,7 +69,7 @@ def plan_bytes(mission: Mission, ending: str = ".plan", fence: dict[str, Any] | 
     """
     writer = _WRITERS.get(ending.lower())
     if writer is None:
-        raise BadInputError(f"ending {ending!r}: expected {', '.join(_WRITERS)}")
+        raise BadInputError(_unknown(ending))
     if len(mission.items) <= has_home_item(mission):
         raise BadInputError("the mission is empty: expected at least one item to write")
     try:
@@ -79,6 +79,14 @@ def plan_bytes(mission: Mission, ending: str = ".plan", fence: dict[str, Any] | 
         raise BadInputError("the mission has no home and no position: expected one to write it") from None
 
 
+def check_plan_output(path: str | os.PathLike[str]) -> None:
+    """Before there is a mission to write: BadInputError where the file could not be, or its ending says no format."""
+    target = Path(path)
+    if target.suffix.lower() not in _WRITERS:
+        raise BadInputError(f"{target}: {_unknown(target.suffix)}")
+    check_output(target)
+
+
 def write_plan(path: str | os.PathLike[str], mission: Mission, fence: dict[str, Any] | None = None) -> None:
     """Write `.plan`, `.waypoints` or `.txt`, whole or not at all; BadInputError names the file and why."""
     target = Path(path)
@@ -86,4 +94,8 @@ def write_plan(path: str | os.PathLike[str], mission: Mission, fence: dict[str, 
         data = plan_bytes(mission, target.suffix, fence)
     except BadInputError as error:
         raise BadInputError(f"{target}: {error}") from None
-    write_whole(target, data, BadInputError)
+    write_whole(target, data)
+
+
+def _unknown(ending: str) -> str:
+    return f"ending {ending!r}: expected .plan (QGroundControl), .waypoints or .txt (QGC WPL 110)"

@@ -28,6 +28,7 @@ from dslam_mav.mission import (
     with_home_before,
     without_home_item,
 )
+from dslam_mav.records.words import count
 from missions.plan_fields import MOST_ITEMS, ItemMaker, Spot
 
 FILE_VERSION = 1
@@ -172,8 +173,8 @@ class _Reader:
             raise spot.error("complexItemType", kind, "one that carries its own items, as a survey does")
         before = len(self.items)
         self.read_all(spot.at("TransectStyleComplexItem."), "Items", inner)
-        count = len(self.items) - before
-        self.maker.notes.append(f"{spot.place[:-1]}: the {kind} is taken as the {count} items it expands to")
+        made = count(len(self.items) - before, "item")
+        self.maker.notes.append(f"{spot.place[:-1]}: the {kind} is taken as the {made} it expands to")
 
     def resolved(self) -> tuple[MissionItem, ...]:
         """The items with every DO_JUMP naming a place among them (from 0) instead of a doJumpId."""

@@ -12,8 +12,10 @@ from dslam_mav.assumptions import Assumptions
 from dslam_mav.dslam.belief import Known
 from dslam_mav.dslam.layouts import Region
 from dslam_mav.errors import BadInputError
-from dslam_mav.mission import Mission, leg_plan
+from dslam_mav.mav.mission.compare import command_name
+from dslam_mav.mission import CMD_JUMP, Mission, leg_plan
 from missions.adviser import FIRST_GUESS_K, Adviser, Assumed, canonical_box
+from missions.continued import lost_item
 from missions.fence import Fence
 
 LEG_SPREADS = 3.8  # a planned leg's usual length
@@ -65,6 +67,19 @@ def check(options: Namespace) -> None:
             f"--adaptive with --readings {options.readings}: logged readings are of the path they were taken on; "
             "expected --scene, .npz frames or a sensor"
         )
+
+
+def check_mission(options: Namespace, mission: Mission, name: str) -> None:
+    """Before take-off: BadInputError for a mission that cannot be changed in flight without losing an item."""
+    if not options.adaptive or (seq := lost_item(mission)) is None:
+        return
+    command = mission.items[seq].command
+    why = (
+        "items have other numbers once the legs to come are changed: expected a mission without jumps"
+        if command == CMD_JUMP
+        else "it would be lost with the legs to come: expected it before the second waypoint or after the last"
+    )
+    raise BadInputError(f"{name}: item {seq} ({command_name(command)}) with --adaptive: {why}")
 
 
 def _assumed(assumptions: Assumptions, vertices_m: np.ndarray) -> Assumed:

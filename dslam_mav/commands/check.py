@@ -12,16 +12,21 @@ from rich.table import Table
 from dslam_mav.commands.meeting import Met, met
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
-from dslam_mav.errors import BadInputError, DslamError
-from dslam_mav.files import write_whole
+from dslam_mav.errors import BadInputError, DslamError, unreadable
+from dslam_mav.files import check_output, write_whole
 from dslam_mav.mav.gps_denied import NAVIGATION, Finding, findings, names_wanted, nearest_way, other_names
 from dslam_mav.mav.mission.talk import Talk
 from dslam_mav.mav.params import Param, read_params, set_param
+from dslam_mav.records.words import count
 
 
 def run(options: Namespace) -> int:
     """0 when all is as it should be (or was put back), 1 when something is not."""
     screen = Screen(json_only=options.json)
+    if options.saved and options.restore:
+        _saved(Path(options.saved))
+    elif options.saved and options.fix:
+        check_output(Path(options.saved), (".json",))
     signing = signing_from(options, screen)
     with met([options.connect], options, signing) as vehicle:
         talk = Talk(vehicle.ground, vehicle.system)
@@ -94,22 +99,23 @@ def _restore(talk: Talk, saved: Path, screen: Screen) -> int:
         set_param(talk, param)
         screen.say(f"{param.name} is {param.value:g} again")
     saved.unlink(missing_ok=True)
-    screen.say(f"{len(before)} parameters put back, {saved} removed; reboot the vehicle")
+    screen.say(f"{count(len(before), 'parameter')} put back, {saved} removed; reboot the vehicle")
     screen.result({"system": talk.system, "restored": {p.name: p.value for p in before.values()}, "reboot": True})
     return 0
 
 
-def _saved(path: Path, system: int) -> dict[str, Param]:
+def _saved(path: Path, system: int | None = None) -> dict[str, Param]:
+    """What was put by, of this vehicle if one is given."""
     expected = 'what "check --fix" wrote: {"system": N, "parameters": {NAME: {"value": V, "type": T}}}'
     try:
         root = json.loads(path.read_text(encoding="utf-8"))
         of, entries = int(root["system"]), dict(root["parameters"])
         params = {n: Param(str(n), float(e["value"]), int(e["type"])) for n, e in entries.items()}
     except OSError as problem:
-        raise BadInputError(f"--saved {path}: cannot be read: {(problem.strerror or '').lower()}") from None
+        raise unreadable(f"--saved {path}", problem) from None
     except (ValueError, KeyError, TypeError, AttributeError):
         raise BadInputError(f"--saved {path}: expected {expected}") from None
-    if of != system:
+    if system is not None and of != system:
         raise BadInputError(f"--saved {path}: system {of}: expected {system}, the vehicle's")
     return params
 
@@ -117,7 +123,7 @@ def _saved(path: Path, system: int) -> dict[str, Param]:
 def _save(path: Path, system: int, params: dict[str, Param]) -> None:
     entries = {p.name: {"value": p.value, "type": p.type} for p in params.values()}
     data = json.dumps({"system": system, "parameters": entries}, indent=1) + "\n"
-    write_whole(path, data.encode(), DslamError)
+    write_whole(path, data.encode())
 
 
 def _table(found: tuple[Finding, ...]) -> Table:

@@ -3,9 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any, TypeAlias
+import re
+from typing import Any, NoReturn, TypeAlias
+
+from dslam_mav.errors import BadInputError
 
 Commands: TypeAlias = "argparse._SubParsersAction[Any]"
+
+
+class Parser(argparse.ArgumentParser):
+    """Bad usage is one line on standard error; the help stays behind --help. Options are not abbreviated."""
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(**{"allow_abbrev": False, **settings})  # type: ignore[arg-type]
+        # -33.5,151.2 is a place in the south, no option
+        self._negative_number_matcher = re.compile(r"-[\d.]")
+
+    def error(self, message: str) -> NoReturn:
+        """BadInputError."""
+        raise BadInputError(f"{self.prog}: {message} (see {self.prog} --help)")
 
 
 def add_command(

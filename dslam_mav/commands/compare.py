@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from dslam_mav.commands.logged import Logged, open_logged
-from dslam_mav.commands.outcome import Outcome, background_of
+from dslam_mav.commands.outcome import Outcome, background_of, page_beside
 from dslam_mav.commands.screen import Screen
 from dslam_mav.dslam.growth import growth
 from dslam_mav.dslam.scoring import score
-from dslam_mav.errors import BadInputError, DslamError, LogError
-from dslam_mav.files import write_whole
+from dslam_mav.errors import BadInputError, DslamError
+from dslam_mav.files import check_output, write_whole
 from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.recordings import kind_of
+from dslam_mav.records.words import count
 from dslam_mav.report.compare import Flown
 from dslam_mav.report.foreseen import realised
-from dslam_mav.report.numbers import count
 from dslam_mav.report.page import render_comparison
 
 PAGE = "comparison.html"
@@ -36,6 +36,7 @@ def compare(options: Namespace, screen: Screen, judge: Judge) -> int:
         once.setdefault(path.resolve(), path)
     paths = list(once.values())
     page = Path(options.output or PAGE)
+    check_output(page)
     flights = []
     with screen.progress("reading logs") as advance:
         for i, path in enumerate(paths):
@@ -45,10 +46,11 @@ def compare(options: Namespace, screen: Screen, judge: Judge) -> int:
     if len(problems) == len(flights):
         raise BadInputError(f"none of {count(len(flights), 'log')} can be read, the first because: {problems[0]}")
     title = f"{count(len(flights), 'log')} compared"
-    write_whole(page, render_comparison(flights, title).encode(), LogError)
+    replaced = page.exists()
+    write_whole(page, render_comparison(flights, title).encode())
     for problem in problems:
         screen.warn(problem)
-    screen.say(str(page))
+    screen.say(f"{page}, in place of the one that was there" if replaced else str(page))
     screen.result({"report": str(page), "flights": [_json(*pair) for pair in zip(paths, flights, strict=True)]})
     return 0
 
@@ -87,7 +89,7 @@ def _name(path: Path) -> str:
 
 def _link(path: Path, page: Path) -> str | None:
     """The log's own page, seen from this one, where it has one."""
-    own = path.with_name("report.html" if path.name == "flight.mcap" else f"{path.stem}.html")
+    own = page_beside(path)
     if not own.is_file():
         return None
     try:

@@ -17,9 +17,10 @@ from typing import Any
 from dslam_mav.commands.assume import Recorded, configuration
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, attach
 from dslam_mav.commands.logged import PROVENANCE_ATTACHMENT, RECORDING_ATTACHMENT, Logged
-from dslam_mav.errors import LogError
+from dslam_mav.errors import LogError, unwritable
+from dslam_mav.files import check_output
 from dslam_mav.log.reader import read_log
-from dslam_mav.log.recorder import Recorder
+from dslam_mav.log.recorder import LOG_ENDS, Recorder
 from dslam_mav.mission import leg_plan
 from dslam_mav.observations import Reading
 from dslam_mav.recordings import Telemetry
@@ -28,13 +29,20 @@ from dslam_mav.records import Estimate
 MAVLINK_1 = 0xFE
 
 
-def write_derived(logged: Logged, estimate: Estimate, settings: Sequence[str], columns: str | None) -> Path:
-    """Write `LOG.set-N.mcap` beside the log, N the first that is free: whole or not at all. It holds what the log
-    holds, the assumptions and the estimate as they are now, and `provenance.json`.
-    """
+def derived_name(log: Path) -> Path:
+    """`LOG.set-N.mcap` beside the log, N the first that is free."""
     number = 1
-    while (path := logged.path.with_name(f"{logged.path.stem}.set-{number}.mcap")).exists():
+    while (path := log.with_name(f"{log.stem}.set-{number}.mcap")).exists():
         number += 1
+    return path
+
+
+def write_derived(logged: Logged, estimate: Estimate, settings: Sequence[str], columns: str | None) -> Path:
+    """Write `LOG.set-N.mcap` beside the log: whole or not at all. It holds what the log holds, the assumptions and the
+    estimate as they are now, and `provenance.json`.
+    """
+    path = derived_name(logged.path)
+    check_output(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with Recorder(beside) as recorder:
@@ -42,8 +50,11 @@ def write_derived(logged: Logged, estimate: Estimate, settings: Sequence[str], c
             recorder.attach(PROVENANCE_ATTACHMENT, "application/json", _provenance(logged, settings, columns))
             recorder.estimate(last_ns, estimate, len(logged.replayed.legs), final=True)
         beside.rename(path)
+    except LogError as problem:  # the file that says so is gone
+        told = str(problem).replace(str(beside), str(path)).removesuffix(LOG_ENDS)
+        raise LogError(told) from None
     except OSError as problem:
-        raise LogError(f"{path}: cannot be written: {problem.strerror}") from None
+        raise unwritable(path, problem) from None
     finally:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)

@@ -15,12 +15,12 @@ from dslam_mav.commands.logged import Logged, as_flown, open_logged
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.vehicle import parse_home
 from dslam_mav.dslam.scoring import has_positions
-from dslam_mav.errors import BadInputError, LogError
+from dslam_mav.errors import BadInputError
 from dslam_mav.export.anchor import Anchor, Solution, solutions
 from dslam_mav.export.geojson import geojson_bytes
 from dslam_mav.export.kml import kml_bytes
 from dslam_mav.export.table import csv_bytes, parquet_bytes, reading_table
-from dslam_mav.files import write_whole
+from dslam_mav.files import check_output, write_whole
 from dslam_mav.log.reader import read_log
 from dslam_mav.log.topics import RAW
 from dslam_mav.mav.tlog import read_tlog, tlog_bytes
@@ -28,8 +28,16 @@ from dslam_mav.mission import Home, LegPlan, has_home_item, leg_plan
 from dslam_mav.mission import home_of as home_of_mission
 from dslam_mav.recordings import kind_of
 from dslam_mav.records import Estimate
+from dslam_mav.records.words import count
 
 ANCHORS = ("home", "heading", "turn")
+ENDINGS = {
+    "csv": (".csv", ".txt"),
+    "tlog": (".tlog",),
+    "parquet": (".parquet",),
+    "kml": (".kml",),
+    "geojson": (".geojson", ".json"),
+}
 
 
 def run(options: Namespace) -> int:
@@ -41,12 +49,13 @@ def run(options: Namespace) -> int:
         raise BadInputError(f"{out}: exists already; give another -o, or --overwrite")
     if out.exists() and out.samefile(path):
         raise BadInputError(f"-o {out}: is the log itself")
+    check_output(out, ENDINGS[options.to])
     for name in ANCHORS:
         if getattr(options, name) is not None and options.to not in ("kml", "geojson"):
             raise BadInputError(f"--{name} {getattr(options, name)}: expected with --to kml or geojson")
     with screen.progress(f"{path} -> {out}"):
         data, told = _packets(path) if options.to == "tlog" else _of_flight(path, options)
-        write_whole(out, data, LogError)
+        write_whole(out, data)
     screen.say(f"{out}: {told}")
     screen.result({"log": str(path), "to": options.to, "output": str(out), "bytes": len(data)})
     return 0
@@ -62,14 +71,17 @@ def _packets(path: Path) -> tuple[bytes, str]:
         packets = [(frame.received_ns, frame.raw) for frame in read_tlog(path)]
     if not packets:
         raise BadInputError(f"{path}: has no MAVLink packets")
-    return tlog_bytes(packets), f"{len(packets)} packets"
+    return tlog_bytes(packets), count(len(packets), "packet")
 
 
 def _of_flight(path: Path, options: Namespace) -> tuple[bytes, str]:
     logged = open_logged(path, Namespace(plan=options.plan, columns=options.columns, set=options.set))
     if options.to in ("csv", "parquet"):
         table = reading_table(logged.replayed.legs, *logged.replayed.collector.readings())
-        told = f"{table.value.size} readings, {int((table.leg > 0).sum())} of them on {len(logged.replayed.legs)} legs"
+        told = (
+            f"{count(table.value.size, 'reading')}, {int((table.leg > 0).sum()):,} of them on "
+            f"{count(len(logged.replayed.legs), 'leg')}"
+        )
         return (csv_bytes if options.to == "csv" else parquet_bytes)(table), told
     estimate = _estimate(logged)
     home, anchor = _anchor(logged, estimate, options)
@@ -81,11 +93,11 @@ def _of_flight(path: Path, options: Namespace) -> tuple[bytes, str]:
 
 def _in_words(found: list[Solution]) -> str:
     sources = len(found[0].sources)
-    words = f"{sources} source{'s' if sources != 1 else ''} with 95 % circles, path"
+    words = f"{count(sources, 'source')} with 95 % circles, path"
     if any(solution.mirrored for solution in found):
         words += ", and their mirror image: --turn left|right tells which"
     others = sum(solution.name.startswith("alternative") and not solution.mirrored for solution in found)
-    return f"{words}; {others} other solution{'s' if others != 1 else ''}" if others else words
+    return f"{words}; {count(others, 'other solution')}" if others else words
 
 
 def _estimate(logged: Logged) -> Estimate:

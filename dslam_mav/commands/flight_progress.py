@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dslam_mav.mission import LegPlan
+from dslam_mav.records.words import count
 
 
 class FlightProgress:
@@ -53,7 +54,7 @@ class FlightProgress:
         if self._vertex < 0:
             return "to the first waypoint"
         n = len(self._legs.lengths_m)
-        return f"{n} legs flown" if self.flown else f"leg {self._vertex + 1} of {n}"
+        return f"{count(n, 'leg')} flown" if self.flown else f"leg {self._vertex + 1} of {n}"
 
     @property
     def detail(self) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dslam_mav.commands.adaptive_options import check
+from dslam_mav.commands.adaptive_options import check, check_mission
 from dslam_mav.commands.assume import assumptions_from
 from dslam_mav.commands.flying import Setup, fly
 from dslam_mav.commands.folder import flight_folder
@@ -18,9 +18,10 @@ from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
 from dslam_mav.dslam.warm import warm_up
-from dslam_mav.errors import BadInputError, LogError
+from dslam_mav.errors import BadInputError, DslamError
 from dslam_mav.mav.url import parse_url
 from dslam_mav.mission import CMD_CHANGE_SPEED, Mission, leg_plan, with_home_item
+from dslam_mav.records.words import count
 from missions.plan import Profile, plan_mission
 from missions.plan_file import read_plan
 from sim_bridge.vehicle import DEFAULT_HOME
@@ -35,6 +36,7 @@ def run(options: Namespace) -> int:
     screen = Screen(json_only=options.json)
     check(options)
     setup = _set_up(options, screen)
+    check_mission(options, setup.mission, setup.plan_name)
     for note in setup.notes:
         screen.warn(note)
     for note in setup.readings.notes:
@@ -46,7 +48,7 @@ def run(options: Namespace) -> int:
             outcome = fly(replace(setup, live=live.send if live else None), folder, options, screen)
             try:
                 outcome = write_report(outcome, folder / "report.html")
-            except LogError as problem:  # a full disk must not cost the answer
+            except DslamError as problem:  # a full disk must not cost the answer
                 outcome = replace(outcome, stopped=outcome.stopped or problem)
     return show(screen, outcome)
 
@@ -67,7 +69,7 @@ def _set_up(options: Namespace, screen: Screen) -> Setup:
     legs = leg_plan(mission)
     if len(legs.vertices_m) < 2:
         raise BadInputError(
-            f"{options.plan}: {len(legs.vertices_m)} waypoints: expected 2 or more, to fly legs between"
+            f"{options.plan}: {count(len(legs.vertices_m), 'waypoint')}: expected 2 or more, to fly legs between"
         )
     readings = open_readings(options, places_m(mission), _speed_m_s(mission))
     assumptions = assumptions_from(options, medium=readings.medium)

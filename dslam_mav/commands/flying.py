@@ -19,7 +19,7 @@ from dslam_mav.commands.folder import point_latest
 from dslam_mav.commands.launching import begin, complain, loopback
 from dslam_mav.commands.meeting import Met, met, suit
 from dslam_mav.commands.outcome import Outcome, truth_of
-from dslam_mav.commands.readings import Readings
+from dslam_mav.commands.readings import Readings, left_out
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
 from dslam_mav.errors import DslamError, LinkError
@@ -32,6 +32,7 @@ from dslam_mav.mav.ports import Port
 from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
 from dslam_mav.records import Truth
+from dslam_mav.records.words import count
 from sim_bridge.bridge import Bridge
 from sim_bridge.whereabouts import Whereabouts
 
@@ -114,11 +115,11 @@ def _upload(vehicle: Met, setup: Setup, screen: Screen) -> Mission:
             ground,
             system,
             setup.mission,
-            lambda done, total: advance("mission upload", done, total, f"{done} of {total} items"),
+            lambda done, total: advance("mission upload", done, total, f"{done} of {count(total, 'item')}"),
         )
     legs = leg_plan(held)
     screen.say(
-        f"Vehicle {system} holds the mission, as read back: {setup.plan_name}, {len(legs.lengths_m)} legs, "
+        f"Vehicle {system} holds the mission, as read back: {setup.plan_name}, {count(len(legs.lengths_m), 'leg')}, "
         f"{legs.lengths_m.sum():.0f} m"
     )
     return held
@@ -220,11 +221,11 @@ def _problem(reading: Background, estimating: Background, *, answered: bool) -> 
 def _missing(readings: Readings, bridge: Bridge) -> list[str]:
     lines = []
     if bridge.missing:
-        lines.append(f"{readings.name}: {bridge.missing} readings left out, it has no value for that time or place")
+        lines.append(left_out(bridge.missing, readings.name, "it has no value for that time or place"))
     if bridge.sampler.skipped:
-        lines.append(f"{readings.name}: {bridge.sampler.skipped} readings left out, faster than one a millisecond")
+        lines.append(left_out(bridge.sampler.skipped, readings.name, "faster than one a millisecond"))
     if bridge.sampler.unplaced:
-        lines.append(f"{readings.name}: {bridge.sampler.unplaced} readings left out, the vehicle's place was not heard")
+        lines.append(left_out(bridge.sampler.unplaced, readings.name, "the vehicle's place was not heard"))
     return lines
 
 
@@ -244,7 +245,7 @@ def _attach(recorder: Recorder, setup: Setup, truth: Truth | None) -> None:
 
 def _facts(setup: Setup, legs: LegPlan, sent: int) -> dict[str, str]:
     return {
-        "mission": f"{setup.plan_name}: {len(legs.lengths_m)} legs, {legs.lengths_m.sum():.1f} m",
+        "mission": f"{setup.plan_name}: {count(len(legs.lengths_m), 'leg')}, {legs.lengths_m.sum():.1f} m",
         "readings": f"{sent} from {setup.readings.name}",
         "speed": f"{setup.readings.speed_m_s:g} m/s",
     }

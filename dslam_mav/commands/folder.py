@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
-from dslam_mav.errors import LogError
+from dslam_mav.errors import LogError, unwritable
 
 
 @contextlib.contextmanager
@@ -23,7 +23,7 @@ def flight_folder(parent: Path, now: datetime | None = None) -> Iterator[Path]:
 
 
 def new_flight_folder(parent: Path, now: datetime | None = None) -> Path:
-    """Make `parent`/<UTC>/, with a number behind it where that exists; LogError where that cannot be."""
+    """Make `parent`/<UTC>/, with a number behind it where that exists; `files.unwritable` where that cannot be."""
     name = (now or datetime.now(UTC)).strftime("%Y%m%dT%H%M%SZ")
     try:
         parent.mkdir(parents=True, exist_ok=True)
@@ -35,7 +35,7 @@ def new_flight_folder(parent: Path, now: datetime | None = None) -> Path:
                 continue
             return folder
     except OSError as problem:
-        raise LogError(f"{parent}: no log folder can be made there: {problem.strerror}") from None
+        raise unwritable(parent, problem, "no log folder can be made there") from None
     raise LogError(f"{parent}: a thousand folders begin with {name}")
 
 

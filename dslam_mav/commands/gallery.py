@@ -20,12 +20,12 @@ from dslam_mav.commands.plan_prior import Expectation, expectation
 from dslam_mav.commands.plan_words import verdict
 from dslam_mav.commands.screen import Screen
 from dslam_mav.dslam.outlook import Outlook, Range, outlook, reason
-from dslam_mav.errors import LogError
 from dslam_mav.experiments.pictures.sight import sight_png
 from dslam_mav.experiments.sight import sight
 from dslam_mav.files import write_whole
 from dslam_mav.mission import leg_plan
 from dslam_mav.records.arrays import Array
+from dslam_mav.records.words import count
 from dslam_mav.report.foreseen import NONE, metres
 
 ASKED = ("--sources", "3", "--spread", "10", "--area", "32,32")
@@ -69,10 +69,10 @@ def main(words: Sequence[str] | None = None) -> int:
     entries = []
     for name, more in PATTERNS.items():
         entry, picture = draw(name, more, screen)
-        write_whole(folder / "gallery" / f"{name}.png", picture, LogError)
+        write_whole(folder / "gallery" / f"{name}.png", picture)
         screen.say(f"{name}: {verdict(entry.seen)}")
         entries.append(entry)
-    write_whole(folder / "gallery.md", page(entries).encode(), LogError)
+    write_whole(folder / "gallery.md", page(entries).encode())
     return 0
 
 
@@ -141,7 +141,7 @@ def _picture(entry: Entry, path: Array, expected: Expectation) -> bytes:
     axis = np.linspace(-REACH_M, REACH_M, CELLS)
     rng = np.random.default_rng(SEED)
     seen = sight(path, expected.prior, expected.sensing, (axis + middle[0], axis + middle[1]), rng)
-    title = f"{entry.name}: {entry.legs} legs, {entry.length_m:.0f} m"
+    title = f"{entry.name}: {count(entry.legs, 'leg')}, {entry.length_m:.0f} m"
     return sight_png(seen, path, (middle - half, middle + half), title)
 
 

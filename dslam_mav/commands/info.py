@@ -20,8 +20,7 @@ def run(options: Namespace) -> int:
     screen = Screen(json_only=options.json)
     path = Path(options.log)
     info = _info(path, options.columns)
-    state = "complete" if info["complete"] else "cut short or damaged, see dslam-mav recover"
-    screen.say(f"{path}: {info['duration_s']:.1f} s, {state}")
+    screen.say(f"{path}: {info['duration_s']:.1f} s, {_state(path, info)}")
     width = max((len(topic) for topic in info["topics"]), default=0)
     for topic, count in sorted(info["topics"].items()):
         screen.say(f"  {topic:<{width}}  {count}")
@@ -29,6 +28,17 @@ def run(options: Namespace) -> int:
         screen.say(f"  {in_words(info['recovered'])}")
     screen.result(info)
     return 0
+
+
+def _state(path: Path, info: LogInfo) -> str:
+    """What is meant: the file is whole, or it is whole but does not hold the whole flight, or it is neither."""
+    if not info["complete"]:
+        ours = kind_of(path) == "mcap"
+        return "cut short or damaged, see dslam-mav recover" if ours else "without the bytes in it that are no packets"
+    salvaged = info.get("recovered")
+    if salvaged is not None and (salvaged["lost"] or not salvaged["exact"]):
+        return "a whole file, but not the whole flight"
+    return "complete"
 
 
 def _info(path: Path, columns: str | None) -> LogInfo:

@@ -9,8 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
-from dslam_mav.errors import LogError
-from dslam_mav.files import write_whole
+from dslam_mav.files import check_output, write_whole
 
 
 def run(options: Namespace) -> int:
@@ -20,7 +19,8 @@ def run(options: Namespace) -> int:
     if options.output is None:
         sys.stdout.write(json.dumps(json.loads(layout)) + "\n" if options.json else layout.decode())
         return 0
-    write_whole(Path(options.output), layout, LogError)
+    check_output(Path(options.output), (".json",))
+    write_whole(Path(options.output), layout)
     screen.say(f"{options.output}: import it in Foxglove (Layouts, Import from file)")
     screen.result({"layout": options.output})
     return 0

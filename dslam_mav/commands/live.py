@@ -27,7 +27,7 @@ def served(options: Namespace, screen: Screen) -> Iterator[Live | None]:
         yield None
         return
     with Live(*options.live) as live:
-        screen.say(f"live    {live.url}, in Foxglove: Open connection, Foxglove WebSocket")
+        screen.say(f"Live     {live.url}, in Foxglove: Open connection, Foxglove WebSocket")
         yield live
 
 
@@ -58,6 +58,6 @@ def play(live: Live, log: Path, speed: float, screen: Screen) -> NoReturn:
                 advance("playing", flown_s, last_s, f"{flown_s:.0f} of {last_s:.0f} s")
                 time.sleep(_STEP_S)
             live.send(time_ns, topic, data)
-    screen.say(f"played  {len(messages)} messages; serving until Ctrl-C")
+    screen.say(f"Played   {len(messages):,} messages; serving until Ctrl-C")
     while True:
         time.sleep(1.0)

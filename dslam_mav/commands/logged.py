@@ -22,6 +22,7 @@ from dslam_mav.log.topics import ESTIMATE, PREDICTION, RAW, TRUTH
 from dslam_mav.mission import Mission
 from dslam_mav.recordings import Assumed, Recording, kind_of, open_recording, our_log
 from dslam_mav.records import Truth
+from dslam_mav.records.words import count
 from dslam_mav.replay import Replayed
 from missions.plan_file import read_plan
 
@@ -127,7 +128,7 @@ def outcome_of(logged: Logged) -> Outcome:
         warnings.insert(0, f"{logged.path}: {recovered_in_words(recovered)}")
     modes = {leg.mode for leg in replayed.legs}
     facts = {
-        "readings": f"{replayed.flight.n_readings} on {len(replayed.legs)} legs, from {logged.path.name}",
+        "readings": f"{replayed.flight.n_readings:,} on {count(len(replayed.legs), 'leg')}, from {logged.path.name}",
         **in_words(logged.assumptions),
         "distance along a leg": ", ".join(sorted(modes)),
     }

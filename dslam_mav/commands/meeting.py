@@ -7,6 +7,7 @@ from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 from dslam_mav.commands.background import background
 from dslam_mav.commands.screen import Screen
@@ -22,10 +23,23 @@ from dslam_mav.mav.hub import Hub, Role
 from dslam_mav.mav.link import wait_for_vehicle
 from dslam_mav.mav.mission.suit import suited
 from dslam_mav.mav.mission.talk import Talk
+from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mav.position import stands_at
 from dslam_mav.mav.profile import Profile, profile_named, profile_of
 from dslam_mav.mav.signing import Signing
-from dslam_mav.mission import DEGREES_E7, Home, Mission, e7_to_enu, home_of, moved_to, with_home_item, without_home_item
+from dslam_mav.mission import (
+    DEGREES_E7,
+    Home,
+    Mission,
+    e7_to_enu,
+    home_of,
+    leg_plan,
+    moved_to,
+    with_home_item,
+    without_home_item,
+)
+from dslam_mav.records.words import count
+from missions.plan_file import read_plan
 from sim_bridge.odometry_feed import COMPONENT_ODOMETRY, OdometryFeed
 
 READY_PATIENCE_S = 120.0
@@ -90,6 +104,27 @@ def met(urls: Sequence[str], options: Namespace, signing: Signing | None) -> Ite
         ground.profile = profile
         system = wait_for_vehicle(ground, options.timeout)
         yield Met(ground, hubs, system, profile or profile_of(ground.autopilots[system][0]))
+
+
+def planned_path(options: Namespace) -> Mission | None:
+    """The mission of `--plan`, read before anybody is connected to; BadInputError where it has no leg."""
+    if not options.plan:
+        return None
+    mission = read_plan(Path(options.plan)).mission
+    _check_legs(mission, options.plan)
+    return mission
+
+
+def flown(vehicle: Met, plan: Mission | None) -> Mission:
+    """The plan as the vehicle numbers it, or the mission it holds."""
+    mission = download(vehicle.ground, vehicle.system) if plan is None else vehicle.numbered(plan)
+    _check_legs(mission, f"vehicle {vehicle.system}'s mission")
+    return mission
+
+
+def _check_legs(mission: Mission, name: str) -> None:
+    if (n := len(leg_plan(mission).sequence)) < 2:
+        raise BadInputError(f"{name}: {count(n, 'waypoint')}: expected 2 or more, to fly legs between")
 
 
 def suit(vehicle: Met, mission: Mission, options: Namespace, screen: Screen, *, here: bool) -> Mission:

@@ -9,27 +9,27 @@ from pathlib import Path
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.adaptive import Flying, steer
-from dslam_mav.commands.adaptive_options import check
+from dslam_mav.commands.adaptive_options import check, check_mission
 from dslam_mav.commands.assume import assumptions_from, in_words
 from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
 from dslam_mav.commands.live import served
-from dslam_mav.commands.meeting import Met, met
+from dslam_mav.commands.meeting import Met, flown, met, planned_path
 from dslam_mav.commands.outcome import Outcome, show
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
 from dslam_mav.commands.summary import under_way
 from dslam_mav.dslam.warm import warm_up
 from dslam_mav.errors import BadInputError, DslamError
+from dslam_mav.files import check_output
 from dslam_mav.forecast import Sensor
 from dslam_mav.legs import LegCollector, plan_facts
 from dslam_mav.log.live import Live
 from dslam_mav.log.recorder import Recorder
-from dslam_mav.mav.mission.transfer import download
 from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mission import Mission, leg_plan
-from missions.plan_file import read_plan
+from dslam_mav.records.words import count
 
 
 def run(options: Namespace) -> int:
@@ -40,14 +40,21 @@ def run(options: Namespace) -> int:
     out = Path(options.out)
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
+    check_output(out, (".mcap",))
+    plan = planned_path(options)
     signing = signing_from(options, screen)
     with served(options, screen) as live, met([options.connect], options, signing) as vehicle:
-        return _listen(vehicle, assumptions, options, screen, live)
+        # to be changed in flight, a mission must be known as the vehicle holds it
+        held = flown(vehicle, None if options.adaptive else plan)
+        check_mission(options, held, f"vehicle {vehicle.system}'s mission")
+        return _listen((vehicle, held), assumptions, options, screen, live)
 
 
-def _listen(vehicle: Met, assumptions: Assumptions, options: Namespace, screen: Screen, live: Live | None) -> int:
+def _listen(
+    met_with: tuple[Met, Mission], assumptions: Assumptions, options: Namespace, screen: Screen, live: Live | None
+) -> int:
+    vehicle, held = met_with
     out, system = Path(options.out), vehicle.system
-    held = _mission(vehicle, options)
     mission = as_logged(held)
     vehicle.hubs[0].leave(vehicle.ground)
     with screen.progress("loading the estimator (compiled on first use)"):
@@ -70,7 +77,7 @@ def _listen(vehicle: Met, assumptions: Assumptions, options: Namespace, screen: 
         )
         with ExitStack() as stack:
             steer(stack, Flying(vehicle, held, collector, recorder, assumptions), options, screen)
-            screen.say(f"listening to vehicle {system} on {options.connect}, logging to {out}")
+            screen.say(f"Listening to vehicle {system} on {options.connect}, logging to {out}")
             with background(onboard.run, "onboard", ESTIMATE_PATIENCE_S) as worker:
                 try:
                     _watch(worker, updates, len(leg_plan(mission).lengths_m), screen)
@@ -97,18 +104,6 @@ def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Scree
             worker.join(0.1)
             for update in updates[shown:]:
                 shown += 1
-                advance("listening", update.legs_flown, n_legs, f"{update.legs_flown} of {n_legs} legs flown")
+                advance("listening", update.legs_flown, n_legs, f"{update.legs_flown} of {count(n_legs, 'leg')} flown")
                 if update.estimate is not None and not update.final:
                     screen.follow(under_way(update.estimate, update.legs_flown, n_legs))
-
-
-def _mission(vehicle: Met, options: Namespace) -> Mission:
-    """The mission: from `--plan`, or as the vehicle holds it, as it must to be changed."""
-    if options.plan and not options.adaptive:
-        mission = vehicle.numbered(read_plan(Path(options.plan)).mission)
-    else:
-        mission = download(vehicle.ground, vehicle.system)
-    where = options.plan or f"vehicle {vehicle.system}'s mission"
-    if (n := len(leg_plan(mission).sequence)) < 2:
-        raise BadInputError(f"{where}: {n} waypoints: expected 2 or more, to fly legs between")
-    return mission

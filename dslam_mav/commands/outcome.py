@@ -11,7 +11,7 @@ from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import headline, summary, table
 from dslam_mav.dslam.scoring import has_positions
-from dslam_mav.errors import DslamError, LogError
+from dslam_mav.errors import DslamError
 from dslam_mav.files import write_whole
 from dslam_mav.legs import FlownLeg
 from dslam_mav.mission import Mission, leg_plan
@@ -20,6 +20,8 @@ from dslam_mav.report.table import result_json
 
 if TYPE_CHECKING:
     from dslam_mav.report.foreseen import Background
+
+PAGES = (".html", ".htm")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +85,12 @@ def _expected(outcome: Outcome, estimate: Estimate, assumed: Assumptions) -> Pre
     return forecast(path, assumed, Sensor(outcome.flight.n_readings / length_m)) if length_m else None
 
 
+def page_beside(log: Path, said: str = "") -> Path:
+    """Where a log's page is, or that of what was `said` otherwise than the log says."""
+    stem = "report" if log.name == "flight.mcap" else log.stem
+    return log.with_name(f"{stem}{said and '.'}{said}.html")
+
+
 def write_report(outcome: Outcome, path: Path) -> Outcome:
     """Write the page; without an estimate there is none to write."""
     if outcome.estimate is None:
@@ -98,7 +106,7 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
     title = title_of(outcome.log)
     background = background_of(outcome, outcome.estimate)
     page = render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings, background))
-    write_whole(path, page.encode(), LogError)
+    write_whole(path, page.encode())
     return replace(outcome, report=path)
 
 

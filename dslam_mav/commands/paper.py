@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from dslam_mav.commands.paper_options import WHAT
 from dslam_mav.commands.screen import Screen
-from dslam_mav.errors import DslamError
+from dslam_mav.errors import unwritable
+from dslam_mav.files import check_folder
+from dslam_mav.records.words import count
 
 if TYPE_CHECKING:
     from dslam_mav.commands.paper_run import Trials
@@ -24,6 +26,7 @@ def run(options: Namespace) -> int:
     from dslam_mav.commands.paper_run import trials_in
 
     screen = Screen(json_only=options.json)
+    check_folder(Path(options.out))
     names = [name for name in WHAT if name != "all"] if options.experiment == "all" else [options.experiment]
     results: dict[str, Any] = {}
     complete = True
@@ -56,7 +59,7 @@ def _one(name: str, options: Namespace, screen: Screen, trials: Trials, results:
 
                 def done(piece: Any, measured: Any) -> None:
                     course.take(piece, measured)
-                    advance(name, course.done, course.total, f"{course.done} of {course.total} trials")
+                    advance(name, course.done, course.total, f"{course.done} of {count(course.total, 'trial')}")
 
                 trials.run(name, rows, course.todo, options.seed, done)
         except KeyboardInterrupt:
@@ -64,7 +67,7 @@ def _one(name: str, options: Namespace, screen: Screen, trials: Trials, results:
     result = course.result()
     screen.table(table(result))
     if not complete:
-        screen.say(f"{name}: interrupted after {course.done} of {course.total} trials")
+        screen.say(f"{name}: interrupted after {course.done} of {count(course.total, 'trial')}")
     for line in notes(result):
         screen.say(line)
     pictures = [] if not (complete and rows) else _pictures(result, options, screen)
@@ -83,6 +86,6 @@ def _pictures(result: Result, options: Namespace, screen: Screen) -> list[str]:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path)
     except OSError as problem:
-        raise DslamError(f"{path}: cannot be written: {problem.strerror}") from None
-    screen.say(f"written {path}")
+        raise unwritable(path, problem) from None
+    screen.say(f"Written {path}")
     return [str(path)]

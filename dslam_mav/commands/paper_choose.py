@@ -12,6 +12,7 @@ from dslam_mav.commands.paper_world import SceneWorld
 from dslam_mav.commands.screen import Screen
 from dslam_mav.experiments.chosen import Geometry, Wanted, draw, missed, penalty, place_origin
 from dslam_mav.experiments.tables import ON_THE_LEG, TABLE_II, scene_of_table2
+from dslam_mav.files import check_folder, write_whole
 from dslam_mav.records.arrays import Array
 from sim_bridge.fields.scene import Medium, Noise, PathOfScene, Sampling, Scene, Source, encode_scene
 
@@ -34,6 +35,7 @@ class _Scored(NamedTuple):
 def run(options: Namespace) -> int:
     """Choose the scene of every row, or of the rows of one scene file."""
     screen = Screen(json_only=options.json)
+    check_folder(Path(options.out))
     found = {}
     for i, row in enumerate(TABLE_II):
         name = scene_of_table2(*row[:3])
@@ -45,7 +47,7 @@ def run(options: Namespace) -> int:
             continue
         path = Path(options.out) / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(encode_scene(best.scene))
+        write_whole(path, encode_scene(best.scene))
         screen.say(f"{name}: its worse error is {np.exp(best.score):.2f} times off what is printed; written {path}")
         found[name] = {"off": float(np.exp(best.score)), "file": str(path)}
     screen.result(found)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dslam_mav.commands.plan_advice import advice
-from dslam_mav.commands.plan_making import Planned, find_plan
+from dslam_mav.commands.plan_making import Planned, find_plan, path_of
 from dslam_mav.commands.plan_prior import expectation
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
-from dslam_mav.mission import leg_plan
 from dslam_mav.records.arrays import Array
-from missions.plan_file import write_plan
+from dslam_mav.records.words import count
+from missions.plan_file import check_plan_output, write_plan
 
 if TYPE_CHECKING:
     from dslam_mav.commands.plan_prior import Expectation
@@ -30,8 +30,10 @@ MUCH_LONGER = 30.0  # times: no advice
 def run(options: Namespace) -> int:
     """Write the plan and say what it is."""
     screen = Screen(json_only=options.json)
+    if options.output:
+        check_plan_output(options.output)
     planned = find_plan(options, screen)
-    path = _path(planned, options)
+    path = path_of(planned, options)
     legs = np.diff(path, axis=0)
     lengths_m = np.linalg.norm(legs, axis=1)
     expected = expectation(options, path, planned.prior, planned.fence, planned.speed_m_s)
@@ -49,7 +51,7 @@ def run(options: Namespace) -> int:
     if planned.fence is not None and not planned.fence.lets_pass(path[:, :2]):
         screen.warn(f"{planned.name} leaves the geofence of {options.fence}")
     if options.output:
-        screen.say(f"written {options.output}")
+        screen.say(f"Written {options.output}")
     from dslam_mav.commands import plan_words as words
 
     screen.result(
@@ -89,16 +91,18 @@ def _judge(
     options: Namespace, screen: Screen, planned: Planned, path: Array, seen: Outlook, expected: Expectation
 ) -> dict[str, Any]:
     """Say figures and verdict; of a poor plan why, and what to fly instead."""
+    from dslam_mav.commands.plan_again import suggestion
     from dslam_mav.commands.plan_words import instead_json, predicted, verdict, warning
 
     screen.say(predicted(seen, expected))
     screen.say(verdict(seen))
     if not seen.poor:
         return {"reason": None, "instead": None}
-    why, instead = advice(options, planned, path, seen, expected)
+    why, star = advice(options, planned, path, seen, expected)
+    instead = None if star is None else suggestion(star, options, planned, expected)
     limited = bool(options.turn) or bool(planned.fence)
-    screen.warn(f"{planned.name} sees badly: {warning(why, instead, planned.home, limited)}")
-    return {"reason": why, "instead": instead_json(instead, planned.home)}
+    screen.warn(f"{planned.name} sees badly: {warning(why, instead, limited)}")
+    return {"reason": why, "instead": instead_json(instead)}
 
 
 def _simulated(options: Namespace, path: Array, expected: Expectation, screen: Screen) -> Simulated | None:
@@ -135,20 +139,9 @@ def _reach(options: Namespace, seen: Outlook, length_m: float) -> None:
 def _tell_legs(screen: Screen, name: str, legs: Array, lengths_m: Array) -> None:
     from dslam_mav.commands.plan_words import turn
 
-    screen.say(f"{name}: {len(legs)} legs, {lengths_m.sum():.1f} m")
+    screen.say(f"{name}: {count(len(legs), 'leg')}, {lengths_m.sum():.1f} m")
     turns = np.degrees(np.diff(np.arctan2(legs[:, 1], legs[:, 0])))
     turns = (turns + 180.0) % 360.0 - 180.0
     for j, leg_m in enumerate(lengths_m):
         rise = f", {legs[j, 2]:+.2f} m up" if legs.shape[1] == 3 else ""
         screen.say(f"  leg {j + 1}: {leg_m:.2f} m{rise}{turn(turns[j]) if j < len(turns) else ''}")
-
-
-def _path(planned: Planned, options: Namespace) -> Array:
-    """(L+1, 2 or 3) vertices; heights where the estimator is to count with them."""
-    legs = leg_plan(planned.mission)
-    if len(legs.lengths_m) < 1:
-        raise BadInputError(f"{options.plan}: {len(legs.sequence)} waypoints: expected 2 or more, to fly legs between")
-    if (options.dimensions or (3 if options.climb else 2)) == 2:
-        return legs.vertices_m
-    heights = np.array([planned.mission.items[q].z for q in legs.sequence])
-    return np.column_stack([legs.vertices_m, heights - heights.min()])

@@ -14,6 +14,7 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError
 from dslam_mav.records.arrays import Array
 from dslam_mav.records.prediction import LEG_SPREADS
+from dslam_mav.records.words import count
 from missions.fence import Fence, area_m2
 from missions.patterns import LONGEST_LEG_M, SHORTEST_LEG_M
 
@@ -118,6 +119,8 @@ def _wish(options: Namespace, fence: Fence | None, spread_m: float, expected: Ex
     length_m = options.length or usual * spread_m
     limit_m = LONGEST_LEG_M * (options.legs or MOST_LEGS)
     least_m = max(SHORTEST_LEG_M, 0.05 * spread_m)
+    if least_m * (options.legs or 3) > limit_m:
+        raise BadInputError(f"--spread {spread_m:g}: no leg may be longer than {LONGEST_LEG_M:g} m: expected less")
     if not least_m * (options.legs or 3) <= length_m <= limit_m:
         raise BadInputError(f"--length {length_m:g}: expected {least_m * (options.legs or 3):g} to {limit_m:g} m")
     wish = Wish(
@@ -148,7 +151,7 @@ def _long_enough(options: Namespace, wish: Wish, spread_m: float, expected: Expe
 
 def _nowhere(options: Namespace, wish: Wish) -> str:
     """Why there is no mission, in one line."""
-    legs = f"{wish.legs} legs, " if wish.legs else ""
+    legs = f"{count(wish.legs, 'leg')}, " if wish.legs else ""
     low, high = (math.degrees(turn) for turn in wish.turn_rad)
     asked = f"{legs}{wish.length_m:.0f} m in all, turns of {low:.0f}° to {high:.0f}°"
     margin = f", {wish.margin_m:g} m from its bounds" if wish.margin_m else ""

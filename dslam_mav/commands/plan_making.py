@@ -13,8 +13,9 @@ import numpy as np
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.vehicle import parse_home
 from dslam_mav.errors import BadInputError
-from dslam_mav.mission import CMD_CHANGE_SPEED, Home, Mission, home_of
+from dslam_mav.mission import CMD_CHANGE_SPEED, Home, Mission, home_of, leg_plan
 from dslam_mav.records.arrays import Array
+from dslam_mav.records.words import count
 from missions.fence import Fence
 from missions.patterns import PATTERN_NAMES, pattern
 from missions.plan import Profile, plan_mission
@@ -71,6 +72,19 @@ def find_plan(options: Namespace, screen: Screen) -> Planned:
         return _read(options, geofence, screen)
     options.given_first_heading, options.given_climb = options.first_heading is not None, options.climb is not None
     return _make(options, geofence, screen)
+
+
+def path_of(planned: Planned, options: Namespace) -> Array:
+    """(L+1, 2 or 3) vertices; heights where the estimator is to count with them."""
+    legs = leg_plan(planned.mission)
+    if len(legs.lengths_m) < 1:
+        raise BadInputError(
+            f"{options.plan}: {count(len(legs.sequence), 'waypoint')}: expected 2 or more, to fly legs between"
+        )
+    if (options.dimensions or (3 if options.climb else 2)) == 2:
+        return legs.vertices_m
+    heights = np.array([planned.mission.items[q].z for q in legs.sequence])
+    return np.column_stack([legs.vertices_m, heights - heights.min()])
 
 
 def _read(options: Namespace, geofence: GeoFence | None, screen: Screen) -> Planned:

@@ -7,9 +7,10 @@ from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
 from dslam_mav.dslam.outlook import BLIND_SHARE, Outlook, Range
-from missions.nearest import Instead
+from dslam_mav.records.words import count
 
 if TYPE_CHECKING:
+    from dslam_mav.commands.plan_again import Suggestion
     from dslam_mav.commands.plan_prior import Expectation
     from dslam_mav.commands.plan_simulate import Simulated
 
@@ -17,9 +18,9 @@ if TYPE_CHECKING:
 def predicted(seen: Outlook, expected: Expectation) -> str:
     """One line of figures."""
     low, high = expected.prior.k_sources
-    who = "1 source" if high == 1 else f"{low} sources" if low == high else f"{low} to {high} sources"
+    who = count(high, "source") if low == high else f"{low} to {high} sources"
     wide = "–".join(f"{s:.3g}" for s in dict.fromkeys(expected.prior.spread_m))
-    what = f"predicted for {who}, √C {wide} m, noise sd {expected.sensing.noise_sd:.2g}"
+    what = f"Predicted for {who}, √C {wide} m, noise sd {expected.sensing.noise_sd:.2g}"
     if not math.isfinite(seen.source.median_m):
         return f"{what}: no source can be placed"
     tail = (
@@ -46,7 +47,7 @@ def verdict(seen: Outlook) -> str:
     return "Sees well, for sources within the area; a second answer may still fit as well, which no bound shows."
 
 
-def warning(why: str, instead: Instead | None, home: str | None, limited: bool) -> str:
+def warning(why: str, instead: Suggestion | None, limited: bool) -> str:
     """Why the plan is poor, and what to fly instead; `limited`: by a fence or turns."""
     if instead is None:
         within = " within these limits" if limited else ""
@@ -54,36 +55,18 @@ def warning(why: str, instead: Instead | None, home: str | None, limited: bool) 
             f"{why}; no star here{within} sees better, even thrice as long: know headings (--heading-sd), read with "
             "less noise or more often, or narrow the area"
         )
-    long_m = instead.leg_m * instead.legs
-    well = "sees to" if not instead.seen.poor else "sees badly too, but to"
+    star, seen = instead.star, instead.seen
+    well = "sees to" if not seen.poor else "sees badly too, but to"
     return (
-        f"{why}; a {instead.pattern} of {long_m:.0f} m at the same place {well} {instead.seen.source.median_m:.2g} m: "
-        f"{command(instead, home)}"
+        f"{why}; a {star.pattern} of {star.leg_m * star.legs:.0f} m at the same place {well} "
+        f"{seen.source.median_m:.2g} m: {instead.command}"
     )
-
-
-def command(instead: Instead, home: str | None) -> str:
-    """What to type for it."""
-    east_m, north_m = instead.centre_m
-    where = f" --climb {math.degrees(instead.climb_rad):.1f}" if instead.climb_rad else ""
-    where += f" --home {home}" if home else ""
-    heading_deg = round(math.degrees(instead.first_heading_rad), 1)
-    heading = f" --first-heading {heading_deg:g}" if heading_deg else ""
-    return (
-        f"plan --pattern {instead.pattern} --leg {instead.leg_m:g} --legs {instead.legs} "
-        f"--centre {_tenths(east_m)},{_tenths(north_m)}{heading}{where}"
-    )
-
-
-def _tenths(value_m: float) -> str:
-    """Without -0.0."""
-    return f"{value_m + 0.0:.1f}"
 
 
 def realised(flown: Simulated) -> str:
     """Figures of simulated flights."""
     return (
-        f"{flown.flights} simulated missions: sources to {_metres(flown.source.median_m)} rms "
+        f"{count(flown.flights, 'simulated mission')}: sources to {_metres(flown.source.median_m)} rms "
         f"(90 % {_metres(flown.source.p90_m)}), predicted for them {_metres(flown.predicted.median_m)} "
         f"({_metres(flown.predicted.p90_m)}); path to {_metres(flown.path.median_m)}; "
         f"a second answer fits as well in {100.0 * flown.second_share:.0f} %, none is given in "
@@ -142,11 +125,9 @@ def prior_json(expected: Expectation, options: Namespace) -> dict[str, Any]:
     }
 
 
-def instead_json(instead: Instead | None, home: str | None) -> dict[str, Any] | None:
+def instead_json(instead: Suggestion | None) -> dict[str, Any] | None:
     """`instead`."""
-    if instead is None:
-        return None
-    return {"command": command(instead, home), "predicted": as_json(instead.seen)}
+    return None if instead is None else {"command": instead.command, "predicted": as_json(instead.seen)}
 
 
 def range_json(values: Range) -> dict[str, float | None]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,14 @@ from dslam_mav.forecast import Sensor
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Medium, Truth
 from dslam_mav.records.arrays import Array
+from dslam_mav.records.words import count
+from dslam_mav.series import Series
 from missions.patterns import pattern
 from sim_bridge.fields.demonstration import RecordedDemo, recorded_demo
 from sim_bridge.fields.field import Field
 from sim_bridge.fields.frame_stack import FrameStack
 from sim_bridge.fields.recorded import LoggedField, read_series
-from sim_bridge.fields.scene import SceneField, encode_scene, read_scene, truth
+from sim_bridge.fields.scene import Scene, SceneField, encode_scene, read_scene, truth
 from sim_bridge.sampling import Sampling
 
 DEFAULT_SCENE = Path(__file__).parents[2] / "sim_bridge" / "scenes" / "star7_three_sources.json"
@@ -66,8 +70,22 @@ def places_m(mission: Mission) -> Array:
     return np.column_stack([legs.vertices_m, np.array(heights_m, dtype=np.float64)])
 
 
+def left_out(number: int, name: str, why: str) -> str:
+    """A warning of readings that were not sent."""
+    return f"{name}: {count(number, 'reading')} left out, {why}"
+
+
+Along = Callable[[Array | None, float | None], Readings]
+"""A plan's vertices and speed -> the readings along it; along the source's own path without a plan."""
+
+
 def open_readings(options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
     """The readings the options ask for along the plan's vertices, or along the source's own path without a plan."""
+    return source_of_readings(options)(vertices_m, speed_m_s)
+
+
+def source_of_readings(options: Namespace) -> Along:
+    """The file the options name, read: what is wrong with it is known before there is a path."""
     if options.scene and options.readings:
         raise BadInputError("--scene and --readings: expected one of them, got both")
     path = Path(options.readings or options.scene or DEFAULT_SCENE)
@@ -80,23 +98,45 @@ def open_readings(options: Namespace, vertices_m: Array | None, speed_m_s: float
             raise BadInputError(
                 f"--{name} {getattr(options, name)}: expected with --readings of {kind}, got {path.name}"
             )
-    read = _from_series if series else _from_frames if frames else _from_scene
-    readings = read(path, options, vertices_m, speed_m_s)
-    try:
-        readings.sampling.check(readings.speed_m_s)
-    except BadInputError as problem:
-        raise BadInputError(f"{path}: {problem}") from None
-    return readings
+    along = (_series if series else _frames if frames else _scene)(path, options)
+
+    def checked(vertices_m: Array | None, speed_m_s: float | None) -> Readings:
+        readings = along(vertices_m, speed_m_s)
+        try:
+            readings.sampling.check(readings.speed_m_s)
+        except BadInputError as problem:
+            raise BadInputError(f"{path}: {problem}") from None
+        return readings
+
+    return checked
 
 
-def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
-    scene = read_scene(path)
+def _scene(path: Path, options: Namespace) -> Along:
+    return partial(_from_scene, path, read_scene(path), options.seed)
+
+
+def _frames(path: Path, options: Namespace) -> Along:
+    stack = FrameStack.read(path)
+    first, last = 0, min(RECORDED_LAST_FRAME, len(stack.time_s) - 1)
+    if options.frames is not None:
+        first, last = _first_and_last(options.frames, path)
+    copies = options.copies or (options.sources if isinstance(options.sources, int) else 2)
+    return partial(_from_frames, path, stack, (first, last), copies, options.seed or 0)
+
+
+def _series(path: Path, options: Namespace) -> Along:
+    return partial(_from_series, path, read_series(path, options.columns))
+
+
+def _from_scene(
+    path: Path, scene: Scene, given_seed: int | None, vertices_m: Array | None, speed_m_s: float | None
+) -> Readings:
     own = scene.vertices()
     vertices = vertices_m if vertices_m is not None else own
     if vertices is None:
         raise BadInputError(f"{path}: path: no vertices_m and no plan was given: there is nothing to fly")
     vertices = vertices[:, : scene.medium.dimensions]
-    seed = scene.seed if options.seed is None else options.seed
+    seed = scene.seed if given_seed is None else given_seed
     known = truth(scene, vertices)
     flat = Truth(known.source_position_m[:, :2], known.amplitude, known.vertices_m[:, :2])
     return Readings(
@@ -115,18 +155,21 @@ def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_
     )
 
 
-def _from_frames(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
-    stack = FrameStack.read(path)
-    first, last = 0, min(RECORDED_LAST_FRAME, len(stack.time_s) - 1)
-    if options.frames is not None:
-        first, last = _frames(options.frames, path)
-    copies = options.copies or (options.sources if isinstance(options.sources, int) else 2)
+def _from_frames(
+    path: Path,
+    stack: FrameStack,
+    frames: tuple[int, int],
+    copies: int,
+    seed: int,
+    vertices_m: Array | None,
+    speed_m_s: float | None,
+) -> Readings:
+    first, last = frames
     leg_m = LEG_SPREADS * RECORDED_SPREAD_M
     vertices = pattern("star7", leg_m, centre_m=(0.0, 0.0)) if vertices_m is None else vertices_m[:, :2]
     speed = speed_m_s or 5.0
     length_m = float(np.linalg.norm(np.diff(vertices, axis=0), axis=1).sum())
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    seed = 0 if options.seed is None else options.seed
     demo = recorded_demo(
         stack,
         sources=copies,
@@ -162,15 +205,14 @@ def _what_was_made(path: Path, demo: RecordedDemo, copies: int, first: int, last
     )
 
 
-def _frames(text: str, path: Path) -> tuple[int, int]:
+def _first_and_last(text: str, path: Path) -> tuple[int, int]:
     parts = text.split(":")
     if len(parts) > 2 or not all(part.isdigit() for part in parts):
         raise BadInputError(f"{path}: --frames {text!r}: expected N or FIRST:LAST")
     return int(parts[0]), int(parts[-1])
 
 
-def _from_series(path: Path, options: Namespace, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
-    series = read_series(path, options.columns)
+def _from_series(path: Path, series: Series, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
     if vertices_m is None:
         raise BadInputError(f"{path}: logged readings have no path of their own: give a PLAN to fly")
     speed = speed_m_s or 5.0
@@ -189,5 +231,5 @@ def _from_series(path: Path, options: Namespace, vertices_m: Array | None, speed
         truth=None,
         medium=None,
         name=path.name,
-        notes=(f"{path.name}: {series.value.size} readings over {series.duration_s:.1f} s, played by time",),
+        notes=(f"{path.name}: {count(series.value.size, 'reading')} over {series.duration_s:.1f} s, played by time",),
     )

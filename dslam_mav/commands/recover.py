@@ -9,10 +9,11 @@ from pathlib import Path
 from rich.table import Table
 
 from dslam_mav.commands.screen import Screen
-from dslam_mav.errors import BadInputError, LogError
-from dslam_mav.files import write_whole
+from dslam_mav.errors import BadInputError
+from dslam_mav.files import check_output, write_whole
 from dslam_mav.log.recover import Count, Salvaged, salvage
 from dslam_mav.log.recovered import lost_in_words
+from dslam_mav.records.words import count
 
 LOSSY = 3
 
@@ -23,9 +24,10 @@ def run(options: Namespace) -> int:
     log, out = Path(options.log), Path(options.output)
     if os.path.lexists(out):
         raise BadInputError(f"-o {out}: exists already, and a log is never overwritten")
+    check_output(out, (".mcap",))
     with screen.progress(f"{log} -> {out}"):
         salvaged = salvage(log)
-        write_whole(out, salvaged.data, LogError, anew=False)
+        write_whole(out, salvaged.data, anew=False)
     _show(screen, log, out, salvaged)
     screen.result(
         {
@@ -50,21 +52,21 @@ def _show(screen: Screen, log: Path, out: Path, salvaged: Salvaged) -> None:
     table.add_column("topic")
     table.add_column("kept", justify="right")
     table.add_column("lost", justify="right")
-    for topic, count in salvaged.topics.items():
-        table.add_row(topic, str(count.kept), _lost(count))
+    for topic, held in salvaged.topics.items():
+        table.add_row(topic, str(held.kept), _lost(held))
     screen.table(table)
-    screen.say(f"attachments kept: {', '.join(salvaged.attachments) or 'none'}")
-    for what, names in (("attachments", salvaged.lost_attachments), ("metadata", salvaged.lost_metadata)):
+    screen.say(f"Attachments kept: {', '.join(salvaged.attachments) or 'none'}")
+    for what, names in (("Attachments", salvaged.lost_attachments), ("Metadata", salvaged.lost_metadata)):
         if names:
             screen.say(f"{what} lost: {', '.join(names)}")
     if salvaged.unread:
-        screen.say(f"chunks left out, without a checksum or compressed with lz4: {salvaged.unread}")
+        screen.say(f"Chunks left out, without a checksum or compressed with lz4: {salvaged.unread}")
     if not salvaged.closed:
         screen.say(f"{log} ends early (cut, killed, or on a full disk): what is missing there cannot be counted")
-    screen.say(f"{out}: {salvaged.kept} messages, {lost_in_words(salvaged.lost, exact=salvaged.exact)}")
+    screen.say(f"{out}: {count(salvaged.kept, 'message')}, {lost_in_words(salvaged.lost, exact=salvaged.exact)}")
 
 
-def _lost(count: Count) -> str:
-    if count.exact:
-        return str(count.lost)
-    return f"at least {count.lost}" if count.lost else "unknown"
+def _lost(held: Count) -> str:
+    if held.exact:
+        return str(held.lost)
+    return f"at least {held.lost}" if held.lost else "unknown"

@@ -9,10 +9,12 @@ from pathlib import Path
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.live import check, play, served
 from dslam_mav.commands.logged import as_flown, estimate_again, open_logged
-from dslam_mav.commands.outcome import show, write_report
+from dslam_mav.commands.outcome import PAGES, show, write_report
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.settings import with_settings
 from dslam_mav.errors import DslamError
+from dslam_mav.files import check_output
+from dslam_mav.recordings import kind_of
 from dslam_mav.report.table import result_json
 
 
@@ -20,6 +22,8 @@ def run(options: Namespace) -> int:
     """Replay; with `--report FILE` the page is written too."""
     screen = Screen(json_only=options.json)
     check(options)
+    if options.report:
+        check_output(Path(options.report), PAGES)
     with served(options, screen) as live:
         log = _with_settings(screen, options) if options.set else _again(screen, options)
         if live is not None:
@@ -46,11 +50,13 @@ def _again(screen: Screen, options: Namespace) -> Path:
 
 def _with_settings(screen: Screen, options: Namespace) -> Path:
     """The answer as it was beside the one under `--set`, which goes to a log of its own: that log."""
-    from dslam_mav.commands.derived import write_derived
+    from dslam_mav.commands.derived import derived_name, write_derived
     from dslam_mav.commands.side_by_side import comparison
 
     path = Path(options.log)
     with_settings(Assumptions(), options.set)  # refused before the log is read
+    kind_of(path)
+    check_output(derived_name(path))
     with screen.progress("estimating as before"):
         before = as_flown(open_logged(path, Namespace(**{**vars(options), "set": None})))
     with screen.progress("estimating as set"):

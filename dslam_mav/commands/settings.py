@@ -75,3 +75,22 @@ def with_settings(assumptions: Assumptions, settings: Sequence[str]) -> Assumpti
     elif given.get("static") is False:
         given["spread_m"] = None
     return replace(assumptions, **given)
+
+
+def changed(before: Assumptions, after: Assumptions) -> list[str]:
+    """The settings "KEY=VALUE" that make one of the other, in the order of their options."""
+    settings = {}
+    for key, (name, _) in _KEYS.items():
+        value = getattr(after, name)
+        if value != getattr(before, name) and name not in settings:
+            settings[name] = f"{key}={_text(key, value)}"
+    return list(settings.values())
+
+
+def _text(key: str, value: object) -> str:
+    """As `with_settings` takes it."""
+    if value is None or isinstance(value, bool):
+        return "auto" if value is None else "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{math.degrees(value) if key == 'heading-sd' else value:.10g}"
+    return str(value)

@@ -9,7 +9,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.mav.signing import KEY_BYTES, Signing
 
 _DIGITS = 2 * KEY_BYTES
@@ -40,8 +40,7 @@ def read_key(path: Path) -> tuple[bytes, int]:
             mode = os.fstat(file.fileno()).st_mode
             data = file.read(_MOST_BYTES)
     except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", None) or str(problem)
-        raise BadInputError(f"{name}: cannot be read: {reason.lower()}") from None
+        raise unreadable(name, problem) from None
     digits = data.strip()
     wrong = re.search(rb"[^0-9a-fA-F]", digits)
     if wrong is not None and digits.isascii():

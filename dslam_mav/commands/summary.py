@@ -9,7 +9,8 @@ from rich.table import Table
 
 from dslam_mav.dslam.scoring import Score, has_positions, score
 from dslam_mav.records import Estimate, Truth
-from dslam_mav.report.numbers import count, significant, with_sd
+from dslam_mav.records.words import count
+from dslam_mav.report.numbers import significant, with_sd
 from dslam_mav.report.rows import alternative_rows, parameter_sd
 from dslam_mav.report.table import result_table
 

@@ -14,6 +14,7 @@ from dslam_mav.commands.paper import NO_PICTURES
 from dslam_mav.commands.screen import Screen
 from dslam_mav.errors import BadInputError, DslamError
 from dslam_mav.files import write_whole
+from dslam_mav.records.words import agree, count
 
 if TYPE_CHECKING:
     from dslam_mav.commands.sweep_points import Points
@@ -46,14 +47,14 @@ def run(options: Namespace) -> int:
     swept = _swept(points, out, options, screen)
     took_s = time.monotonic() - begun_s
     results = out / "results.parquet"
-    write_whole(results, parquet.parquet_bytes(points.columns, swept.rows, {"sweep.toml": text}), DslamError)
+    write_whole(results, parquet.parquet_bytes(points.columns, swept.rows, {"sweep.toml": text}))
     _show(points, swept, took_s, screen)
-    screen.say(f"written {results}")
+    screen.say(f"Written {results}")
     pictures = _pictures(swept, out, screen)
     screen.result(as_json(swept, points.groups(swept.rows), took_s, {"results": str(results), "pictures": pictures}))
     if swept.failed:
         raise DslamError(
-            f"{len(swept.failed)} of {len(swept.rows)} points failed: why is in column failure of {results}"
+            f"{len(swept.failed)} of {count(len(swept.rows), 'point')} failed: why is in column failure of {results}"
         )
     return 0
 
@@ -66,7 +67,7 @@ def _show(points: Points, swept: Swept, took_s: float, screen: Screen) -> None:
     for line in sentences(swept, took_s, logs=points.of_logs):
         screen.say(line)
     for row in swept.failed[:MOST_NAMED]:
-        screen.say(f"failed: {', '.join(str(row[name]) for name in points.jobs[0].coordinates)}: {row['failure']}")
+        screen.say(f"Failed: {', '.join(str(row[name]) for name in points.jobs[0].coordinates)}: {row['failure']}")
 
 
 def _swept(points: Points, out: Path, options: Namespace, screen: Screen) -> Swept:
@@ -78,7 +79,9 @@ def _swept(points: Points, out: Path, options: Namespace, screen: Screen) -> Swe
     with Journal(out / "points.jsonl") as journal:
         todo = len(unfinished(points.jobs, journal))
         if todo < total:
-            screen.say(f"{total - todo} of {total} points are there from before")
+            screen.say(
+                f"{total - todo} of {count(total, 'point')} {agree(total - todo, 'is', 'are')} there from before"
+            )
         try:
             with screen.progress("sweep") as advance:
 
@@ -89,7 +92,7 @@ def _swept(points: Points, out: Path, options: Namespace, screen: Screen) -> Swe
                 return sweep(points.jobs, points.columns, journal, _workers(options, screen, todo), tell)
         except KeyboardInterrupt:
             kept = total - len(unfinished(points.jobs, journal))
-            screen.say(f"{kept} of {total} points are kept in {out}: the same command goes on from there")
+            screen.say(f"{_part(kept, total)} kept in {out}: the same command goes on from there")
             raise
 
 
@@ -104,6 +107,10 @@ def _workers(options: Namespace, screen: Screen, todo: int) -> Workers:
     from dslam_mav.sweep.local import LocalWorkers
 
     return LocalWorkers(options.workers or os.cpu_count() or 1, screen.warn)
+
+
+def _part(some: int, total: int) -> str:
+    return f"{some} of {count(total, 'point')} {agree(some, 'is', 'are')}"
 
 
 def _in_words(seconds: float) -> str:
@@ -124,7 +131,7 @@ def _pictures(swept: Swept, out: Path, screen: Screen) -> list[str]:
 
     paths = []
     for name, png in pictures(swept.rows):
-        write_whole(out / name, png, DslamError)
-        screen.say(f"written {out / name}")
+        write_whole(out / name, png)
+        screen.say(f"Written {out / name}")
         paths.append(str(out / name))
     return paths

@@ -10,7 +10,7 @@ import msgspec
 
 from dslam_mav.commands.sweep_checks import SEED, each, is_seed
 from dslam_mav.commands.sweep_parts import Estimate, Logs, Mission, Noise, Part, Sampling, Scenes
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from sim_bridge.fields.complaint import complaint
 
 
@@ -45,7 +45,7 @@ def read_sweep(path: Path) -> Sweep:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as problem:
-        raise BadInputError(f"{path}: cannot be read: {problem.strerror}") from None
+        raise unreadable(path, problem) from None
     except UnicodeDecodeError:
         raise BadInputError(f"{path}: expected TOML, got something else: it is no UTF-8 text") from None
     try:

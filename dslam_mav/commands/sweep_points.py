@@ -16,9 +16,10 @@ from dslam_mav.commands.sweep_file import Sweep
 from dslam_mav.commands.sweep_job import LogJob, Place, SceneJob, known_of, medium_told, versions
 from dslam_mav.commands.sweep_parts import TRUE, Mission
 from dslam_mav.commands.sweep_scenes import scenes_of
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.mission import leg_vertices
 from dslam_mav.records.arrays import Array
+from dslam_mav.records.words import count
 from dslam_mav.sweep.job import Job
 from dslam_mav.sweep.points.columns import OF_LOGS, OF_SCENES, RESULTS, SECONDS, Column, Row
 from dslam_mav.sweep.points.seeds import key_of
@@ -176,9 +177,9 @@ def _content(path: Path) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as problem:
-        raise BadInputError(f"{path}: cannot be read: {problem.strerror}") from None
+        raise unreadable(path, problem) from None
 
 
 def _words(counts: dict[str, int]) -> str:
-    product = " × ".join(f"{count} {name}{'s' if count != 1 else ''}" for name, count in counts.items())
-    return f"{product} = {math.prod(counts.values())} points"
+    product = " × ".join(count(number, name) for name, number in counts.items())
+    return f"{product} = {count(math.prod(counts.values()), 'point')}"

@@ -11,6 +11,7 @@ from rich import box
 from rich.table import Table
 
 from dslam_mav.records import Verdict
+from dslam_mav.records.words import count
 from dslam_mav.report.numbers import UNKNOWN, significant
 from dslam_mav.sweep.engine import Swept
 from dslam_mav.sweep.points.columns import Row, Scalar
@@ -83,7 +84,7 @@ def sentences(swept: Swept, took_s: float, *, logs: bool) -> list[str]:
         "or one of its alternatives is"
     ]
     if swept.computed:
-        lines.append(f"{swept.computed} points computed in {took_s:.1f} s")
+        lines.append(f"{count(swept.computed, 'point')} computed in {took_s:.1f} s")
     return lines
 
 

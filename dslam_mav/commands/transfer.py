@@ -13,7 +13,8 @@ from dslam_mav.mav.mission.transfer import clear, download, start, upload
 from dslam_mav.mav.position import stands_at
 from dslam_mav.mav.profile import profile_named
 from dslam_mav.mission import home_of, leg_plan
-from missions.plan_file import read_plan, write_plan
+from dslam_mav.records.words import count
+from missions.plan_file import check_plan_output, read_plan, write_plan
 
 ARMING_PATIENCE_S = 120.0
 
@@ -31,13 +32,13 @@ def run_upload(options: Namespace) -> int:
                 link,
                 system,
                 plan.mission,
-                lambda done, total: advance("mission upload", done, total, f"{done} of {total} items"),
+                lambda done, total: advance("mission upload", done, total, f"{done} of {count(total, 'item')}"),
             )
         legs = leg_plan(held)
         length_m = float(legs.lengths_m.sum())
         screen.say(
-            f"Vehicle {system} holds the mission: {len(held.items)} items, {len(legs.lengths_m)} legs, "
-            f"{length_m:.1f} m (read back and compared)"
+            f"Vehicle {system} holds the mission: {count(len(held.items), 'item')}, "
+            f"{count(len(legs.lengths_m), 'leg')}, {length_m:.1f} m (read back and compared)"
         )
         if options.start:
             stands_at(link, system, home_of(plan.mission), ARMING_PATIENCE_S)
@@ -58,11 +59,12 @@ def run_upload(options: Namespace) -> int:
 def run_download(options: Namespace) -> int:
     """Fetch the vehicle's mission and write it to a file."""
     screen = Screen(json_only=options.json)
+    check_plan_output(options.output)
     with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
         mission = download(link, system)
     write_plan(Path(options.output), mission)
-    screen.say(f"{options.output}: {len(mission.items)} items from vehicle {system}")
+    screen.say(f"{options.output}: {count(len(mission.items), 'item')} from vehicle {system}")
     screen.result({"system": system, "items": len(mission.items), "plan": options.output})
     return 0
 

@@ -28,7 +28,7 @@ def run(options: Namespace) -> int:
         signing=signing_from(options, screen),
         link_faults=parse_link_faults(options.link_faults) if options.link_faults else None,
     )
-    screen.say(f"vehicle {options.system} listens on {', '.join(vehicle.urls)}, {options.speedup:g} times real time")
+    screen.say(f"Vehicle {options.system} listens on {', '.join(vehicle.urls)}, {options.speedup:g} times real time")
     screen.result({"system": options.system, "urls": list(vehicle.urls)})
     with background(vehicle.run, "vehicle") as worker:
         while worker.running:

@@ -189,6 +189,7 @@ def _diagnostics(answers: Answers, state: State, cost: float) -> dict[str, Any]:
         "residual_outside_sd": float(np.sqrt(level.outside)) * answers.unit.reading,
         "whiteness_p": level.p_value,
         "systematic_share": level.systematic_share,
+        "priors_noise_sd": answers.problem.known.noise_sd * answers.unit.reading,
         "extent": state.extent,
     }
 

@@ -10,6 +10,7 @@ from scipy.special import fdtrc
 
 from dslam_mav.dslam.bound import Information
 from dslam_mav.records import Estimate, Flight, Verdict
+from dslam_mav.records.words import agree, count
 
 Array = NDArray[np.float64]
 
@@ -66,14 +67,20 @@ def too_few(flight: Flight, n_parameters: int, k_sources: int) -> str | None:
     """Why these data cannot carry an estimate, or None."""
     need = 3 if k_sources > 1 else 2
     if flight.parametric is None and len(flight.legs) < need:
-        return f"{len(flight.legs)} legs were flown; {k_sources} sources need at least {need}."
+        return (
+            f"{count(len(flight.legs), 'leg')} {agree(len(flight.legs), 'was', 'were')} flown; "
+            f"{count(k_sources, 'source')} {agree(k_sources, 'needs', 'need')} at least {need}."
+        )
     for j, leg in enumerate(flight.legs, start=1):
         if leg.reading.size < MIN_READINGS_PER_LEG:
-            return f"Leg {j} has {leg.reading.size} readings; at least {MIN_READINGS_PER_LEG} are needed."
+            return f"Leg {j} has {count(leg.reading.size, 'reading')}; at least {MIN_READINGS_PER_LEG} are needed."
         if float(np.ptp(leg.distance_m)) < MIN_REACH * leg.length_m:
             return f"All readings of leg {j} were taken at one place: nothing was seen along it."
     if flight.n_readings <= n_parameters:
-        return f"{flight.n_readings} readings cannot carry {n_parameters} unknowns ({k_sources} sources)."
+        return (
+            f"{count(flight.n_readings, 'reading')} cannot carry {count(n_parameters, 'unknown')} "
+            f"({count(k_sources, 'source')})."
+        )
     return None
 
 

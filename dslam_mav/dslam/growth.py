@@ -17,10 +17,11 @@ from dslam_mav.dslam.expected import QUIET, vertex_columns
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.kernels.expected import Unknown
 from dslam_mav.dslam.path import path_columns
-from dslam_mav.dslam.priors import CLOSED_SHARE
-from dslam_mav.dslam.problem import Known, Problem, problem
+from dslam_mav.dslam.priors import LEAST_SD, constrained, priors_of
+from dslam_mav.dslam.problem import Problem, problem
 from dslam_mav.dslam.scoring import has_positions
-from dslam_mav.dslam.state import State, layout
+from dslam_mav.dslam.state import State, layout, loose_corners
+from dslam_mav.dslam.units import Units, normalised, units_of
 from dslam_mav.records import Estimate, Flight, Medium
 
 Array = NDArray[np.float64]
@@ -49,15 +50,15 @@ def growth(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: f
         return None
     if not (np.minimum(estimate.sources.amplitude, estimate.sources.peak_reading) > 0.0).all():
         return None
-    prob = _problem(flight, estimate, medium, heading_sd_rad)
+    prob, unit = _problem(flight, estimate, medium, heading_sd_rad)
     try:
-        return _growth(flight, prob, _state(prob, estimate), estimate.noise_sd)
+        return _growth(flight, prob, _state(prob, unit, estimate), unit, estimate.noise_sd / unit.reading)
     except np.linalg.LinAlgError:
         return None
 
 
 @QUIET
-def _growth(flight: Flight, prob: Problem, state: State, noise_sd: float) -> Growth | None:
+def _growth(flight: Flight, prob: Problem, state: State, unit: Units, noise_sd: float) -> Growth | None:
     at = layout(prob, len(state.s))
     jacobian = evaluate(prob, state, at)[1] / noise_sd
     if not np.isfinite(jacobian).all():
@@ -74,72 +75,78 @@ def _growth(flight: Flight, prob: Problem, state: State, noise_sd: float) -> Gro
         covariance = _inverse(total + sooner.T @ sooner, later)
         source_sd.append(_sd(by_source, covariance))
         path_sd.append(np.sqrt(np.mean(_sd(by_vertex[: n + 1], covariance) ** 2)))
-    return Growth(_told(np.array(source_sd), state.spread), _told(np.array(path_sd), state.spread))
+    told = (_told(np.array(sd), state.spread) * unit.length for sd in (source_sd, path_sd))
+    return Growth(*told)
 
 
 def path_sd_m(estimate: Estimate) -> float:
     """The standard deviation an axis of the estimate's own path, RMS over its vertices; NaN where it is not known."""
     vertices, names = estimate.path.vertices_m, estimate.parameter_names
-    longer = any(name.startswith("length of leg") for name in names)
-    wanted = [f"heading of leg {j}" for j in range(2, len(vertices))]
-    wanted += [f"length of leg {j}" for j in range(1, len(vertices))] if longer else []
-    if not has_positions(estimate) or not set(wanted) <= set(names) or not wanted:
+    n_legs = len(vertices) - 1
+    headings = [f"heading of leg {j}" for j in range(2, n_legs + 1)]
+    if not has_positions(estimate) or not headings or not set(headings) <= set(names):
         return float("nan")
-    own = [names.index(name) for name in wanted]
-    columns = vertex_columns(vertices, Unknown(longer, False, False))
+    lengths = [f"length of leg {j}" for j in range(1, n_legs + 1)]
+    corners = [f"corner {j} {axis}" for j in range(2, n_legs + 1) for axis in "xy"]
+    by_step = vertex_columns(vertices, Unknown(True, False, False))
+    # a leg begun beside the corner shifts all that is flown from there on
+    shift = (np.arange(n_legs + 1)[:, None] > np.arange(n_legs - 1))[:, None, :, None] * np.eye(2)[:, None, :]
+    columns = np.concatenate([by_step, shift.reshape(n_legs + 1, 2, -1)], axis=2)
+    told = [(names.index(name), i) for i, name in enumerate([*headings, *lengths, *corners]) if name in names]
+    own, of_path = (list(part) for part in zip(*told, strict=True))
     covariance = estimate.parameter_covariance[np.ix_(own, own)]
-    return float(np.sqrt(np.mean(_sd(columns, covariance) ** 2)))
+    return float(np.sqrt(np.mean(_sd(columns[:, :, of_path], covariance) ** 2)))
 
 
-def _problem(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: float | None) -> Problem:
-    noise, theta = estimate.noise_sd, estimate.path.heading_rad - estimate.path.heading_rad[0]
-    length_sd = np.array([leg.length_sd_m for leg in flight.legs])
-    known = Known(
-        heading=None if heading_sd_rad is None else (theta, heading_sd_rad),
-        closed_sd=CLOSED_SHARE * float(flight.lengths_m.sum()) if flight.closed else None,
-        length_sd=length_sd if length_sd.any() else None,
-    )
-    prob = problem(flight, medium)
+def _problem(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: float | None) -> tuple[Problem, Units]:
+    """The problem as the joint fit had it, in its units, with all that it knew besides the readings."""
+    free = problem(flight, medium)
     freed = "extent" in estimate.parameter_names
-    return replace(prob, extent=None if freed else estimate.medium.extent or 0.0, known=_in_noise(known, noise))
+    unit = units_of(free)
+    prob = replace(normalised(free, unit), extent=None if freed else estimate.medium.extent or 0.0)
+    heading = None
+    if heading_sd_rad is not None:
+        heading = (estimate.path.heading_rad - estimate.path.heading_rad[0], max(heading_sd_rad, LEAST_SD))
+    priors = priors_of(flight, prob.dimensions, None, None, heading)
+    loose = any(name.startswith("corner") for name in estimate.parameter_names)
+    weighed = float(estimate.diagnostics.get("priors_noise_sd", estimate.noise_sd))  # as the fit took the noise to be
+    return constrained(prob, weighed / unit.reading, priors, unit, loose=loose), unit
 
 
-def _in_noise(known: Known, noise_sd: float) -> Known:
-    """Priors' standard deviations in units of a reading's noise."""
-    return Known(
-        heading=None if known.heading is None else (known.heading[0], known.heading[1] / noise_sd),
-        closed_sd=None if known.closed_sd is None else known.closed_sd / noise_sd,
-        length_sd=None if known.length_sd is None else known.length_sd / noise_sd,
-    )
-
-
-def _state(prob: Problem, estimate: Estimate) -> State:
-    """The answer as the joint model has it, in the canonical gauge of its own path."""
-    sources, path = estimate.sources, estimate.path.vertices_m
-    d = path.shape[1]
-    home = to_canonical(path)
-    corner = home.apply(path)
-    step = np.diff(corner, axis=0)
-    spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi
+def _state(prob: Problem, unit: Units, estimate: Estimate) -> State:
+    """The answer as the joint model has it, in the canonical gauge of its own path; legs point to the next vertex."""
+    sources, d = estimate.sources, estimate.path.vertices_m.shape[1]
+    home = to_canonical(estimate.path.vertices_m)
+    step = np.diff(home.apply(estimate.path.vertices_m), axis=0) / unit.length
+    along = step / np.linalg.norm(step, axis=1)[:, None]
+    over = step - prob.length[:, None] * along
+    exact = np.setdiff1d(np.arange(prob.n_legs), loose_corners(prob))
+    longer = np.zeros(prob.n_legs)
+    longer[exact] = (over * along).sum(axis=1)[exact]
+    gap = over.copy()
+    gap[exact] = 0.0
+    spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi / unit.length**2
     state = State.flat(
         prob,
-        np.arctan2(step[:, 1], step[:, 0]),
-        home.apply(sources.position_m),
-        np.log(sources.amplitude),
+        np.arctan2(along[:, 1], along[:, 0]),
+        home.apply(sources.position_m) / unit.length,
+        np.log(sources.amplitude / unit.reading / unit.length**d),
         np.log(spread2),
     )
     if prob.rate is None:
         mu = estimate.medium.diffusivity_m2_s
-        rate = 4.0 * mu if mu else float(spread2[0])
+        rate = 4.0 * mu * unit.time / unit.length**2 if mu else float(spread2[0])
         state = replace(state, log_rate=float(np.log(rate)))
     if d == 3:
-        state = replace(state, climb=np.arcsin(np.clip(step[:, 2] / prob.length, -1.0, 1.0)))
+        state = replace(state, climb=np.arcsin(np.clip(along[:, 2], -1.0, 1.0)))
     lag = estimate.medium.sensor_lag_s
     return replace(
         state,
-        ambient=estimate.medium.ambient or 0.0,
+        longer=longer,
+        gap=gap,
+        ambient=(estimate.medium.ambient or 0.0) / unit.reading,
         extent=estimate.medium.extent or 0.0,
-        log_lag=float(np.log(lag)) if lag else -np.inf,
+        log_lag=float(np.log(lag / unit.time)) if lag else -np.inf,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.path import vertices
+from dslam_mav.records.words import count
 
 Array = NDArray[np.float64]
 
@@ -123,7 +124,7 @@ def _placed(region: Region, k: int, apart_m: float, rng: np.random.Generator) ->
         if len(places) == k and gaps.min() >= apart_m:
             return places
     wide = " × ".join(f"{side:.3g}" for side in size)
-    raise ValueError(f"{k} sources {apart_m:.3g} m apart do not fit into {wide} m")
+    raise ValueError(f"{count(k, 'source')} {apart_m:.3g} m apart do not fit into {wide} m")
 
 
 def noise_below(groups: Sequence[Layouts], region: Region, snr_db: float) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.expected import Sensing, errors_flown, joined
 from dslam_mav.dslam.layouts import Layouts
+from dslam_mav.records.words import count
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ def reason(path: Array, groups: Sequence[Layouts], sensing: Sensing) -> str:
         return f"{100.0 * unreached:.0f} % of sources would lie more than {SEEN_SPREADS:g} √C from every leg"
     axes = n_axes(path)
     if axes < 3 and not compass:
-        return f"its legs run along {axes} direction{'s' if axes > 1 else ''} only, and parallel legs cannot be placed"
+        return f"its legs run along {count(axes, 'direction')} only, and parallel legs cannot be placed"
     seen = float((gap < SEEN_SPREADS).sum(axis=1).mean())
     if seen < SEEN_FROM:
         return f"a source stands out on {seen:.1f} of its legs in the mean, and on fewer than 3 it cannot be placed"

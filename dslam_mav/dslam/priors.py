@@ -158,6 +158,7 @@ def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loos
         extent_sd=EXTENT_SD / noise_sd,
         length_sd=lengths,
         corner_sd=corner,
+        noise_sd=noise_sd,
     )
     return replace(prob, known=known)
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Known:
-    """Priors and constraints, with standard deviations in units of a reading's noise.
+    """Priors and constraints, with standard deviations in units of a reading's noise, taken to be `noise_sd`.
 
     `heading`: headings (L,) and their sd. `closed_sd`: of the path's end about its start. `points`: vertex indices,
     their places (M, d), their sd. `length_sd` (L,): of leg lengths; 0 is exact. `corner_sd`
@@ -36,6 +36,7 @@ class Known:
     age: tuple[float, float] | None = None
     lag: tuple[float, float] | None = None
     extent_sd: float | None = None
+    noise_sd: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

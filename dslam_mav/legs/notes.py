@@ -9,28 +9,34 @@ import numpy as np
 
 from dslam_mav.legs.assembly import FlownLeg
 from dslam_mav.legs.plan import PlanFacts
+from dslam_mav.records.words import agree, count
 
 
 def notes(
     counts: Counter[str], legs_counts: Counter[str], legs: tuple[FlownLeg, ...], plan: PlanFacts | None, *, heard: bool
 ) -> tuple[str, ...]:
     """One line each on what was set aside, and on legs that say little; `heard`: there were readings at all."""
-    lines = [f"{n} readings were not finite and were dropped" for n in [counts["not finite"]] if n]
+    lines = []
+    if n := counts["not finite"]:
+        were = agree(n, "was", "were")
+        lines.append(f"{count(n, 'reading')} {were} not finite and {were} dropped")
     if n := counts["off the clock"]:
-        lines.append(f"{n} readings had times that are not of the vehicle's clock and were dropped")
+        were = agree(n, "was", "were")
+        lines.append(f"{count(n, 'reading')} had times that are not of the vehicle's clock and {were} dropped")
     if n := counts["restarts"]:
-        lines.append(f"the autopilot's clock started again {n} times; the longest unbroken part is used")
+        lines.append(f"the autopilot's clock started again {count(n, 'time')}; the longest unbroken part is used")
     if not heard:
         lines.append("no readings were heard: is the bridge or the sensor running?")
     if missed := _missed(legs, plan):
-        lines.append(f"legs 1 to {missed} of the mission are missing: leg 1 here is its leg {missed + 1}")
+        gone = agree(missed, "leg 1 of the mission is", f"legs 1 to {missed} of the mission are")
+        lines.append(f"{gone} missing: leg 1 here is its leg {missed + 1}")
     for j, leg in enumerate(legs, 1):
         if leg.value.size == 0:
             lines.append(f"leg {j} of {len(legs)} has no readings")
         elif leg.value.size > 1 and np.ptp(leg.value) == 0.0:
             lines.append(f"leg {j} of {len(legs)}: all {leg.value.size} readings are {leg.value[0]:g}")
     if n := legs_counts["legs lost"]:
-        lines.append(f"{n} legs could not be told apart or measured; the longest unbroken part is used")
+        lines.append(f"{count(n, 'leg')} could not be told apart or measured; the longest unbroken part is used")
     return tuple(lines)
 
 

@@ -17,7 +17,7 @@ from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.log import codec
 from dslam_mav.log.declared import Declared, is_ours
 from dslam_mav.log.packets import Raw
@@ -233,8 +233,7 @@ def file_bytes(path: Path) -> bytes:
             raise BadInputError(f"{path}: is no file; expected an MCAP log")
         return path.read_bytes()
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise BadInputError(f"{path}: cannot be read: {reason}") from None
+        raise unreadable(path, error) from None
 
 
 def _log_bytes(path: Path) -> bytes:

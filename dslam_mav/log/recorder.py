@@ -20,7 +20,7 @@ from typing import IO, Any, Self, cast
 from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
 
-from dslam_mav.errors import LogError
+from dslam_mav.errors import BadInputError, LogError, unwritable, why
 from dslam_mav.log import codec
 from dslam_mav.log.declared import our_schemas
 from dslam_mav.log.disk import Disk
@@ -42,6 +42,7 @@ from dslam_mav.observations import Progress, Reading
 from dslam_mav.records import Estimate, Prediction, Truth
 
 _SYNC_PERIOD_S = 0.5  # half of what may be lost, the other half is for a slow disk
+LOG_ENDS = "; the log ends here"
 Also = Callable[[int, str, bytes], None]
 """Told of a message: log time in ns, topic, protobuf."""
 
@@ -73,8 +74,8 @@ class Recorder:
     """
 
     def __init__(self, path: Path, also: Also | None = None) -> None:
-        """`also` is told every message logged, and must neither wait nor fail. LogError in one line where the file
-        exists already or cannot be written.
+        """`also` is told every message logged, and must neither wait nor fail. One line where the file exists
+        already or cannot be created: see `files.unwritable`.
         """
         self.path = Path(path)
         self._also = also
@@ -174,16 +175,16 @@ class Recorder:
             if self._failure is None or self._reported:
                 return
             self._reported = True
-        raise LogError(f"{self.path}: cannot be written: {_reason(self._failure)}; the log ends here")
+        raise LogError(f"{self.path}: cannot be written: {why(self._failure)}{LOG_ENDS}")
 
     def _start(self) -> tuple[Disk, Any]:  # the writer's methods carry no types
         """The open file with its header, on disk, and every channel declared (in the first chunk)."""
         try:
             disk = Disk(self.path)
         except FileExistsError:
-            raise LogError(f"{self.path}: exists already, and a log is never overwritten") from None
+            raise BadInputError(f"{self.path}: exists already, and a log is never overwritten") from None
         except (OSError, ValueError) as error:
-            raise LogError(f"{self.path}: cannot be created: {_reason(error)}") from None
+            raise unwritable(self.path, error, "cannot be created") from None
         try:
             writer = Writer(
                 cast(IO[Any], disk),
@@ -198,7 +199,7 @@ class Recorder:
             disk.sync()
         except OSError as error:
             disk.discard()
-            raise LogError(f"{self.path}: cannot be written: {_reason(error)}") from None
+            raise unwritable(self.path, error) from None
         return disk, writer
 
     def _run(self) -> None:
@@ -237,10 +238,6 @@ class Recorder:
                     item.channel, item.time_ns, item.data, item.time_ns, self._sequence[item.channel]
                 )
                 self._sequence[item.channel] += 1
-
-
-def _reason(error: Exception) -> str:
-    return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
 
 
 def _version() -> str:

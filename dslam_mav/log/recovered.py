@@ -7,6 +7,7 @@ from typing import TypedDict
 from mcap.records import Metadata
 
 from dslam_mav.log.topics import RECOVERED
+from dslam_mav.records.words import count
 
 
 class Recovered(TypedDict):
@@ -38,7 +39,7 @@ def recovered_from(metadata: Metadata) -> Recovered | None:
 def in_words(recovered: Recovered) -> str:
     """One clause for the reader of a log."""
     lost = lost_in_words(recovered["lost"], exact=recovered["exact"])
-    return f"recovered from {recovered['source']}: {recovered['kept']} messages, {lost}"
+    return f"recovered from {recovered['source']}: {count(recovered['kept'], 'message')}, {lost}"
 
 
 def lost_in_words(lost: int, *, exact: bool) -> str:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.mav.decode import READING_NAME
 from dslam_mav.mav.frames import COMPONENT_BRIDGE, COMPONENT_ESTIMATOR
 from dslam_mav.mission import DEGREES_E7, Mission, MissionItem
@@ -179,6 +179,6 @@ def _use_records(path: Path, use: Callable[[Any], None]) -> None:
                 if record.get_type() in _USED and "TimeUS" in record.get_fieldnames():
                     use(record)
     except OSError as problem:
-        raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
+        raise unreadable(path, problem) from None
     except Exception as problem:  # the library raises whatever a broken file makes it raise
         raise BadInputError(f"{path}: no DataFlash log that can be read: {problem}") from None

@@ -16,7 +16,7 @@ from collections import deque
 from types import TracebackType
 from typing import Any, Self
 
-from dslam_mav.errors import LinkError
+from dslam_mav.errors import LinkError, why
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Encoder, Frame, Parser, heartbeat, messages
 from dslam_mav.mav.ports import Port
 from dslam_mav.mav.profile import Profile
@@ -173,8 +173,7 @@ class Link:
         except OSError as problem:
             # a datagram to nobody is refused later, by ICMP: whoever is to listen may still be starting
             if self._stream or not isinstance(problem, (ConnectionRefusedError, BlockingIOError)):
-                reason = (problem.strerror or str(problem)).lower()
-                raise LinkError(f"{self.url}: cannot send: {reason}") from None
+                raise LinkError(f"{self.url}: cannot send: {why(problem)}") from None
 
     def _drain(self) -> None:
         wake = self._wake_out.fileno()

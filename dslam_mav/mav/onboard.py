@@ -24,6 +24,7 @@ from dslam_mav.mav.streams import ONBOARD_US, YAW_US, StreamRequests
 from dslam_mav.mav.watch import FlightWatch
 from dslam_mav.observations import Observation, Progress, Reading
 from dslam_mav.records import Estimate, Flight
+from dslam_mav.records.words import agree, count
 
 Legs = tuple[FlownLeg, ...]
 Estimator = Callable[[Flight, Legs], Estimate]
@@ -178,7 +179,7 @@ class Onboard:
             legs_flown, done = self._running
             self._running = None
             if (error := done.exception()) is not None:
-                self._say(logging.WARNING, f"no estimate after {legs_flown} legs: {error}")
+                self._say(logging.WARNING, f"no estimate after {count(legs_flown, 'leg')}: {error}")
             else:
                 self._publish(done.result(), legs_flown, final=False)
         if self._running is None and self._waiting is not None and self._worker is not None:
@@ -246,4 +247,4 @@ class Onboard:
 
     def _legs(self) -> str:
         n = len(self.collector.legs(final=True))
-        return f"{n} leg was" if n == 1 else f"{n} legs were"
+        return f"{count(n, 'leg')} {agree(n, 'was', 'were')}"

@@ -12,6 +12,7 @@ from typing import Any
 
 from dslam_mav.mav.frames import messages
 from dslam_mav.records import Estimate, Verdict
+from dslam_mav.records.words import count
 
 CHUNK_BYTES = 50
 _FLOAT32_MAX = 3.4e38
@@ -49,7 +50,7 @@ def status_messages(text: str, text_id: int, *, severity: int | None = None) -> 
 
 def in_words(estimate: Estimate, legs_flown: int, *, final: bool) -> tuple[str, ...]:
     """The estimate as a pilot reads it: the verdict, and at the end each source."""
-    head = "D-SLAM" if final else f"D-SLAM after {legs_flown} legs"
+    head = "D-SLAM" if final else f"D-SLAM after {count(legs_flown, 'leg')}"
     lines = [f"{head}: {estimate.verdict.sentence}"]
     if final:
         names = ("east", "north", "up") if estimate.gauge == "anchored" else ("x", "y", "z")

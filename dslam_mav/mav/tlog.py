@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.mav.frames import Frame, messages, parse_frame
 
 _STAMP_BYTES = 8
@@ -30,7 +30,7 @@ class Tlog:
         try:
             self._data = self.path.read_bytes()
         except OSError as problem:
-            raise BadInputError(f"{path}: cannot be read: {(problem.strerror or str(problem)).lower()}") from None
+            raise unreadable(path, problem) from None
 
     def __iter__(self) -> Iterator[Frame]:
         data = self._data

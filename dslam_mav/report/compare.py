@@ -10,9 +10,10 @@ from datetime import UTC, datetime
 import numpy as np
 
 from dslam_mav.records import Verdict
+from dslam_mav.records.words import count
 from dslam_mav.report import compare_plots as plots
 from dslam_mav.report.foreseen import Realised, metres
-from dslam_mav.report.numbers import UNKNOWN, count, significant
+from dslam_mav.report.numbers import UNKNOWN, significant
 from dslam_mav.report.words import NAMES, TONES
 
 

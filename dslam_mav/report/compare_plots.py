@@ -10,7 +10,7 @@ from dslam_mav.report.log_axis import LogAxis, log_axis
 from dslam_mav.report.numbers import significant
 
 WIDTH = 600.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 64.0, 16.0, 12.0, 52.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 76.0, 16.0, 12.0, 52.0
 _SQUARE = 440.0
 _TREND_HEIGHT = 190.0
 _BAND = 2.0  # times: the band about the line of equals

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from dslam_mav.dslam.growth import Growth, growth
 from dslam_mav.dslam.scoring import Score, has_positions, score, truth_in_gauge
 from dslam_mav.records import Estimate, Flight, Truth
+from dslam_mav.records.words import count
 from dslam_mav.report import rows, words
 from dslam_mav.report.field_map import FieldMap, common_window, field_map
 from dslam_mav.report.foreseen import Background, Foreseen, foreseen, realised
 from dslam_mav.report.growth_plot import GrowthPlot, growth_plot
 from dslam_mav.report.leg_plots import LegPlots, leg_plots
-from dslam_mav.report.numbers import count, significant
+from dslam_mav.report.numbers import significant
 
 MAX_ALTERNATIVES = 8  # drawn; the table lists them all
 

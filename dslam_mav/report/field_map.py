@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.scoring import has_positions
 from dslam_mav.records import Estimate, Truth
+from dslam_mav.records.words import count
 from dslam_mav.report import geometry as geo
 from dslam_mav.report.colours import image_uri
 from dslam_mav.report.numbers import nice_step, nice_ticks, significant, tick_labels
@@ -189,4 +190,4 @@ def _description(estimate: Estimate, truth: Truth | None) -> str:
     )
     beside = " Truth is drawn beside it." if truth is not None else ""
     legs = len(estimate.path.heading_rad)
-    return f"Map of the field with a path of {legs} legs and the sources {sources}.{beside}"
+    return f"Map of the field with a path of {count(legs, 'leg')} and the sources {sources}.{beside}"

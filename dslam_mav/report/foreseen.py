@@ -11,6 +11,7 @@ import numpy as np
 from dslam_mav.dslam.growth import Growth, path_sd_m
 from dslam_mav.dslam.scoring import Score, has_positions
 from dslam_mav.records import Estimate, Medium, Prediction
+from dslam_mav.records.words import count
 from dslam_mav.report.log_axis import LogAxis, log_axis
 from dslam_mav.report.numbers import significant
 
@@ -122,7 +123,7 @@ def foreseen(background: Background, got: Realised) -> Foreseen | None:
 def basis(prediction: Prediction, then: bool) -> str:
     """What a prediction is for, in words."""
     low, high = prediction.n_sources
-    who = "one source" if high == 1 else f"{low} sources" if low == high else f"{low} to {high} sources"
+    who = count(high, "source") if low == high else f"{low} to {high} sources"
     area = " × ".join(significant(side, 3) for side in prediction.area_m)
     blind = 100.0 * prediction.unidentifiable_share
     share = f"; {blind:.0f} % of such layouts cannot be identified" if blind >= 0.5 else ""

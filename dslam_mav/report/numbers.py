@@ -66,11 +66,6 @@ def degrees_with_sd(angle_rad: float, sd_rad: float) -> str:
     return with_sd(math.degrees(math.remainder(angle_rad, 2.0 * math.pi)), math.degrees(sd_rad)) + "°"
 
 
-def count(number: int, noun: str) -> str:
-    """ "1 leg", "7 legs", "458,752 readings"."""
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
-
-
 def nice_step(span: float, about: int) -> float:
     """A step of 1, 2 or 5 times a power of ten that divides `span` into about so many parts."""
     if not (math.isfinite(span) and span > 0.0):

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
-from dslam_mav.errors import DslamError
+from dslam_mav.errors import DslamError, unwritable
 from dslam_mav.sweep.points.columns import Row
 
 try:
@@ -94,4 +94,4 @@ class Journal:
             self.rows[key] = row
 
     def _failure(self, problem: OSError) -> DslamError:
-        return DslamError(f"{self._path}: cannot be written: {problem.strerror}")
+        return unwritable(self._path, problem)

@@ -10,6 +10,7 @@ import numpy as np
 
 from dslam_mav.experiments.pictures.style import SERIES, new_figure, tidy
 from dslam_mav.records import Verdict
+from dslam_mav.records.words import count
 from dslam_mav.sweep.points.columns import Row
 from dslam_mav.sweep.points.summary import FAILED, Group, grouped, numbers
 
@@ -102,7 +103,7 @@ def verdicts(rows: Sequence[Row]) -> Figure:
     labels = [", ".join(group.labels.values()) for group in groups]
     axes.set_yticks(at, labels, fontsize=7)
     ends = (len(groups) - 0.4, -0.6)  # the first on top
-    axes.set(xlabel=f"share of verdicts (%), {len(rows)} points", xlim=(0.0, 100.0), ylim=ends)
+    axes.set(xlabel=f"share of verdicts (%), {count(len(rows), 'point')}", xlim=(0.0, 100.0), ylim=ends)
     figure.legend(loc="outside upper center", ncols=4, fontsize=7)
     tidy(axes)
     return figure

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import least_squares
 
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from sim_bridge.fields.field import Array
 
 FIT_RADIUS_SPREADS = 2.6  # wide enough for the ambient, narrow enough for uneven light to stay outside
@@ -64,7 +64,7 @@ class FrameStack:
                     raise BadInputError(f"{path}: {', '.join(sorted(missing))}: missing array, it has {there}")
                 loaded = [np.asarray(arrays[key], dtype=np.float64) for key in ("frames", "time_s", "pixel_m")]
         except OSError as error:
-            raise BadInputError(f"{path}: cannot be read: {error.strerror or error}") from None
+            raise unreadable(path, error) from None
         except BadInputError:
             raise
         except Exception as error:  # zipfile, zlib, numpy's format: whatever a broken file sets off

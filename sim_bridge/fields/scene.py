@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from dslam_mav import records
 from dslam_mav.dslam.field import field, peak_reading, squared_spread_m2
-from dslam_mav.errors import BadInputError
+from dslam_mav.errors import BadInputError, unreadable
 from sim_bridge.fields.complaint import complaint
 from sim_bridge.fields.field import Array
 from sim_bridge.fields.scene_parts import Medium, Noise, PathOfScene, Sampling, Source
@@ -193,7 +193,7 @@ def read_scene(path: Path) -> Scene:
     try:
         text = path.read_bytes()
     except OSError as error:
-        raise BadInputError(f"{path}: cannot be read: {error.strerror}") from None
+        raise unreadable(path, error) from None
     return parse_scene(text, str(path))
 
 

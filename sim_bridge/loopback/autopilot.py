@@ -6,6 +6,7 @@ import math
 from collections.abc import Hashable
 
 from dslam_mav.mission import CMD_LAND, CMD_RETURN_TO_LAUNCH, MissionItem
+from dslam_mav.records.words import count
 from sim_bridge.loopback.flight import Flight
 from sim_bridge.loopback.telemetry import (
     HEARTBEAT,
@@ -90,7 +91,7 @@ class Autopilot(UnderWay):
     def choose_first(self, seq: int) -> Refusal:
         """The item the next mission begins with."""
         if not 0 <= seq < len(self._items):
-            return f"item {seq} refused: {len(self._items)} items here"
+            return f"item {seq} refused: {count(len(self._items), 'item')} here"
         if self.in_mission:
             if seq != self._seq:
                 self._turn_to(seq)

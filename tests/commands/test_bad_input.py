@@ -51,8 +51,8 @@ def test_a_plan_with_no_leg_to_fly(tmp_path: Path, waypoints: int) -> None:
     lines = ["0\t1\t0\t16\t0\t0\t0\t0\t47.3977\t8.5456\t488\t1", "1\t0\t3\t22\t0\t0\t0\t0\t47.3977\t8.5456\t10\t1"]
     lines += ["2\t0\t3\t16\t0\t0\t0\t0\t47.3979\t8.5456\t10\t1"] * waypoints
     plan.write_text("QGC WPL 110\n" + "\n".join(lines) + "\n")
-    refused(tmp_path, ("fly", plan, "--out", tmp_path / "logs"), "short.waypoints", f"{waypoints} waypoints")
-    refused(tmp_path, ("plan", plan), "short.waypoints", f"{waypoints} waypoints")
+    refused(tmp_path, ("fly", plan, "--out", tmp_path / "logs"), "short.waypoints", f"{waypoints} waypoint")
+    refused(tmp_path, ("plan", plan), "short.waypoints", f"{waypoints} waypoint")
 
 
 @pytest.mark.parametrize(

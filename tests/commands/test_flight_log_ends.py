@@ -49,7 +49,7 @@ def test_a_disk_that_fills_up_ends_the_flight_with_what_is_known(scene: Path, tm
     done = end(process)
     assert done.code == 1
     last = done.err.splitlines()[-1]
-    assert last == f"dslam-mav: {log}: cannot be written: File too large; the log ends here"
+    assert last == f"dslam-mav: {log}: cannot be written: file too large; the log ends here"
     assert "Traceback" not in done.err
     assert str(log) in done.out  # the answer is shown all the same
     assert left(log.parent) <= {"flight.mcap", "report.html"}

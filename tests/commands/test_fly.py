@@ -16,7 +16,7 @@ from running import SCENE, left, on_a_terminal, run, the_log
 
 from dslam_mav.commands.folder import flight_folder, new_flight_folder, point_latest
 from dslam_mav.commands.summary import table
-from dslam_mav.errors import LogError
+from dslam_mav.errors import BadInputError
 from dslam_mav.log.reader import read_log
 
 RESULT_KEYS = {
@@ -156,9 +156,9 @@ def test_a_folder_nothing_was_put_in_is_gone(tmp_path: Path) -> None:
 def test_a_file_where_the_logs_should_go(tmp_path: Path, scene: Path) -> None:
     (tmp_path / "logs").write_text("mine")
     done = run("fly", "--scene", scene, "--out", tmp_path / "logs")
-    assert (done.code, done.out) == (1, "")
+    assert (done.code, done.out) == (2, "")
     assert f"{tmp_path / 'logs'}: no log folder can be made there" in done.line()
-    with pytest.raises(LogError):
+    with pytest.raises(BadInputError):
         new_flight_folder(tmp_path / "logs" / "deeper")
     assert (tmp_path / "logs").read_text() == "mine"
 

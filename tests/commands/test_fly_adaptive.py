@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from running import SCENE, Done, run
+from running import SCENE, Done, run, spawn_vehicle, stop
 
 from dslam_mav.commands import steering
 from dslam_mav.log.reader import read_log
@@ -162,3 +162,45 @@ def test_logged_readings_cannot_follow_another_path(scene: Path, tmp_path: Path)
     done = run("fly", "--readings", readings, "--adaptive", "--out", tmp_path / "logs")
     assert done.code == 2
     assert "logged readings are of the path they were taken on" in done.line()
+
+
+SLOWER, AGAIN = "178\t1\t3\t-1\t0\t0\t0\t0", "177\t2\t3\t0\t0\t0\t0\t0"
+
+
+def odd_plan(tmp_path: Path, between: str) -> Path:
+    """Four corners with an item between the second and the third."""
+    plan = tmp_path / "odd.waypoints"
+    lines = ["0\t1\t0\t16\t0\t0\t0\t0\t47.3977\t8.5456\t488\t1", "1\t0\t3\t22\t0\t0\t0\t0\t0\t0\t10\t1"]
+    corners = {2: (47.3977, 8.5456), 3: (47.3979, 8.5456), 5: (47.3979, 8.5459), 6: (47.3977, 8.5459)}
+    lines += [f"{seq}\t0\t3\t16\t0\t0\t0\t0\t{x}\t{y}\t10\t1" for seq, (x, y) in corners.items()]
+    lines.insert(4, f"4\t0\t2\t{between}\t1")
+    plan.write_text("QGC WPL 110\n" + "\n".join(lines) + "\n")
+    return plan
+
+
+@pytest.mark.parametrize(
+    ("between", "told"),
+    [
+        (SLOWER, "item 4 (DO_CHANGE_SPEED) with --adaptive: it would be lost"),
+        (AGAIN, "item 4 (DO_JUMP) with --adaptive: items have other numbers"),
+    ],
+)
+def test_a_mission_that_would_lose_an_item_is_refused_before_take_off(tmp_path: Path, between: str, told: str) -> None:
+    plan = odd_plan(tmp_path, between)
+    done = run("fly", plan, "--adaptive", "--sources", 2, "--out", tmp_path / "logs")
+    assert (done.code, done.out) == (2, "")
+    assert f"odd.waypoints: {told}" in done.line()
+    assert not (tmp_path / "logs").exists()
+
+
+def test_a_mission_in_the_vehicle_that_would_lose_an_item_is_refused_too(tmp_path: Path) -> None:
+    process, url = spawn_vehicle("--speedup", 10)
+    try:
+        assert run("upload", odd_plan(tmp_path, SLOWER), "--connect", url).code == 0
+        log = tmp_path / "flight.mcap"
+        done = run("onboard", "--connect", url, "--out", log, "--sources", 2, "--adaptive")
+    finally:
+        stop(process)
+    assert (done.code, done.out) == (2, "")
+    assert "vehicle 1's mission: item 4 (DO_CHANGE_SPEED) with --adaptive" in done.line()
+    assert not log.exists()

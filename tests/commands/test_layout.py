@@ -43,7 +43,7 @@ def test_a_file_and_standard_output_are_the_same(layout: dict[str, Any], tmp_pat
     assert (done.code, done.object) == (0, {"layout": str(file)})
     assert json.loads(file.read_text()) == layout == run("layout", "--json").object
     nowhere = run("layout", "-o", tmp_path / "no" / "layout.json")
-    assert (nowhere.code, nowhere.out) == (1, "")
+    assert (nowhere.code, nowhere.out) == (2, "")
     assert "no/layout.json: cannot be written" in nowhere.line()
 
 

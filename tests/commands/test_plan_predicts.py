@@ -54,15 +54,40 @@ def test_a_poor_plan_is_told_why_and_what_to_fly_instead(tmp_path: Path) -> None
     assert done.object["reason"] in done.line()
     better = shlex.split(done.object["instead"]["command"])
     assert better[0] == "plan"
-    star = run(*better, "--sources", 3, "--spread", 10, "--area", "32,32", "--json")
+    star = run(*better, "--json")
     assert star.err == ""
     assert star.object["length_m"] == pytest.approx(done.object["length_m"], rel=0.02)
     there, here = np.array(done.object["vertices_m"]), np.array(star.object["vertices_m"])
     middle = 0.5 * (there.min(axis=0) + there.max(axis=0))
     assert np.allclose(0.5 * (here.min(axis=0) + here.max(axis=0)), middle, atol=0.1)
-    figure = done.object["instead"]["predicted"]["source_error_m"]["median"]
-    assert star.object["predicted"]["source_error_m"]["median"] == pytest.approx(figure, rel=0.05)
+    assert star.object["predicted"] == done.object["instead"]["predicted"]
+    figure = star.object["predicted"]["source_error_m"]["median"]
     assert figure < 0.5 * done.object["predicted"]["source_error_m"]["median"]
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "--sources 2-4 --spread 8..12 --noise-sd 0.05 --rate 10 --ambient auto --centre -20,-30 --layouts 60 --seed 3",
+        "--sources 3 --diffusivity 0.5 --age 30..60 --peak 4 --noise-sd 0.2 --spacing 0.7 --speed 3 --area 40,25",
+        "--sources 2 --leg 50 --snr 26 --leg-sd 0.2 --first-heading 30 --target-sd 40",
+        "--sources 2 --dimensions 2 --climb 20 --altitude 15 --hold 1 --home -33.5,151.2,20",
+    ],
+)
+def test_the_command_for_what_to_fly_instead_holds_all_that_was_asked(asked: str, tmp_path: Path) -> None:
+    words = ["plan", "--pattern", "lawnmower", *asked.split(), "-o", tmp_path / "a b.plan"]
+    done = run(*words, "--json")
+    instead = done.object["instead"]
+    star = run(*shlex.split(instead["command"]), "--json").object
+    assert star["predicted"] == instead["predicted"]
+    assert f"{instead['predicted']['source_error_m']['median']:.2g} m: {instead['command']}" in done.err
+    mower, other = done.object["for"], star["for"]
+    assert [other[name] for name in ("sources", "layouts", "seed")] == [
+        mower[name] for name in ("sources", "layouts", "seed")
+    ]
+    for name in ("spread_m", "noise_sd", "readings_per_m", "area_m"):
+        assert other[name] == pytest.approx(mower[name], rel=0.01)
+    assert star["plan"] == str(words[-1])
 
 
 def test_a_single_source_needs_a_compass() -> None:

@@ -34,9 +34,9 @@ def test_a_flight_of_four_processes_and_another_with_the_same_vehicle(flown: Any
         bridge = spawn("bridge", "--scene", flown.scene, *link)
         onboard = spawn("onboard", "--out", log, "--sources", 2, "--live", 0, *link)
         started += [bridge, onboard]
-        assert ready(bridge).startswith("reading scene.json along 7 legs of vehicle 1")
+        assert ready(bridge).startswith("Reading scene.json along 7 legs of vehicle 1")
         watching = Viewer(live_url(onboard), ("/path", "/scene"))
-        assert ready(onboard).startswith("listening to vehicle 1 on udpout:")
+        assert ready(onboard).startswith("Listening to vehicle 1 on udpout:")
         upload = run("upload", flown.plan, "--connect", url, "--start", "--json")
         assert (upload.code, upload.err) == (0, "")
         assert upload.object["started"] is True
@@ -53,7 +53,7 @@ def test_a_flight_of_four_processes_and_another_with_the_same_vehicle(flown: Any
     pictures = [message for message in read_messages(log) if message[1] in ("/path", "/scene")]
     assert by_topic(watching.messages) == by_topic(pictures)
     assert (sent.code, sent.err) == (0, "")
-    assert f"{len(read_log(log).readings)} readings sent" in sent.out
+    assert f"{len(read_log(log).readings):,} readings sent" in sent.out
     again = run("replay", log, "--json", "--heading", "plan").object
     truth = np.array([source["position_m"] for source in SCENE["sources"]])
     found = np.array([source["position_m"] for source in again["sources"]])

@@ -101,12 +101,12 @@ def test_nothing_is_overwritten_and_bad_names_are_named(flown: Any, cut: Path, t
     missing = run("recover", tmp_path / "missing.mcap", "-o", tmp_path / "out.mcap")
     assert (missing.code, missing.line()) == (
         2,
-        f"dslam-mav: {tmp_path}/missing.mcap: cannot be read: No such file or directory",
+        f"dslam-mav: {tmp_path}/missing.mcap: cannot be read: no such file or directory",
     )
     assert "is no file" in run("recover", tmp_path, "-o", tmp_path / "out.mcap").line()
     nowhere = run("recover", cut, "-o", tmp_path / "no" / "out.mcap")
     assert (nowhere.code, nowhere.line()) == (
-        1,
-        f"dslam-mav: {tmp_path}/no/out.mcap: cannot be written: No such file or directory",
+        2,
+        f"dslam-mav: {tmp_path}/no/out.mcap: cannot be written: no such file or directory",
     )
     assert left(tmp_path) == {"cut.mcap"}

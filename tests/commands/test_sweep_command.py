@@ -88,7 +88,7 @@ def test_a_second_run_computes_nothing_and_shows_it_all_again(alone, tmp_path):
     assert rows_in(out) == rows_in(alone)
     if importlib.util.find_spec("matplotlib") is not None:
         for name in ("error.png", "verdicts.png"):
-            assert f"written {out / name}" in again.out
+            assert f"Written {out / name}" in again.out
             assert (out / name).read_bytes()[:4] == b"\x89PNG"
 
 
@@ -206,7 +206,7 @@ def test_a_folder_of_logs_gives_a_row_a_log(flown: Any, tmp_path):
     assert done.code == 1
     results = tmp_path / "out" / "results.parquet"
     assert done.line() == f"dslam-mav: 1 of 2 points failed: why is in column failure of {results}"
-    assert re.search(r"^failed: b\.mcap, joint: .+$", done.out, re.MULTILINE)
+    assert re.search(r"^Failed: b\.mcap, joint: .+$", done.out, re.MULTILINE)
     assert "small.toml: 2 logs × 1 method = 2 points" in done.out
     assert re.search(r"^b\.mcap +joint +failed +– ", done.out, re.MULTILINE)
     assert re.search(rf"^day1/a\.mcap +joint +{flown.result['verdict']} +2 ", done.out, re.MULTILINE)
@@ -230,7 +230,7 @@ def test_what_cannot_be_reached_or_written_is_one_line(tmp_path, monkeypatch):
     both = run("sweep", path, "--scheduler", "tcp://127.0.0.1:9", "--workers", 2)
     assert (both.code, "expected one of them" in both.line()) == (2, True)
     (tmp_path / "file").touch()
-    assert run("sweep", path, "--out", tmp_path / "file" / "out").line().endswith("cannot be written: Not a directory")
+    assert run("sweep", path, "--out", tmp_path / "file" / "out").line().endswith("cannot be written: not a directory")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     bare = run("sweep", path, "--out", tmp_path / "out")
     assert (bare.code, bare.line().split(": ", 1)[1]) == (

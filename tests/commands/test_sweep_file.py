@@ -61,7 +61,7 @@ REFUSED = [
         "missions[0].pattern: expected exactly one of pattern, plan and path",
     ),
     (RANDOM + '[[missions]]\nplan = "a.plan"\nlegs = 3\n' + NOISE, "missions[0].legs: is of a pattern; expected with"),
-    (RANDOM + '[[missions]]\nplan = "a.plan"\n' + NOISE, "a.plan: cannot be read: No such file"),
+    (RANDOM + '[[missions]]\nplan = "a.plan"\n' + NOISE, "a.plan: cannot be read: no such file"),
     (RANDOM + '[[missions]]\npath = "scene"\n' + NOISE, "missions: scene random k2 1 has no path of its own"),
     (RANDOM + '[[missions]]\npattern = "star9"\nleg_m = 3\n' + NOISE, "missions[0]: pattern 'star9': expected one of"),
     (RANDOM + '[[missions]]\npattern = "best"\nleg_m = 3\n' + NOISE, "make it by dslam-mav plan --pattern best"),
@@ -108,7 +108,7 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
     done = run("sweep", tmp_path / "none.toml")
     assert (done.code, done.line()) == (
         2,
-        f"dslam-mav: {tmp_path}/none.toml: cannot be read: No such file or directory",
+        f"dslam-mav: {tmp_path}/none.toml: cannot be read: no such file or directory",
     )
 
 

@@ -146,3 +146,35 @@ def test_sources_whose_shape_is_found_too_are_bounded():
     assert freed is not None
     assert (freed.source_sd_m[-1] >= plain.source_sd_m[-1]).all()
     assert freed.source_sd_m[-1].min() > 1.1 * plain.source_sd_m[-1].min()
+
+
+@pytest.mark.parametrize("told", [("corner",), ("length",), ("corner", "length")])
+def test_legs_that_are_not_exact_leave_as_much_unknown_as_the_answer_says(told):
+    """Gaps between legs, and lengths, are unknowns; readings shifted along their legs are what exact ones cannot be."""
+    flight, medium, exact = flown(k=2)
+    off = np.random.default_rng(5).normal(0.0, 0.05, len(flight.legs))
+    sds = {f"{name}_sd_m": 0.05 / len(told) for name in told}
+    legs = (replace(leg, distance_m=leg.distance_m + m, **sds) for leg, m in zip(flight.legs, off, strict=True))
+    loose = replace(flight, legs=tuple(legs))
+    found = estimate(loose, medium, 2)
+    assert {name.split()[0] for name in found.parameter_names} >= set(told)
+    grown, as_exact = growth(loose, found, medium), growth(flight, exact, medium)
+    assert grown is not None
+    assert as_exact is not None
+    assert grown.source_sd_m[-1] == pytest.approx(found.sd_m, rel=0.1)
+    assert grown.path_sd_m[-1] == pytest.approx(path_sd_m(found), rel=0.1)
+    assert (grown.source_sd_m[-1] > 1.2 * as_exact.source_sd_m[-1]).all()
+    finite = np.isfinite(grown.source_sd_m).all(axis=1)
+    assert finite[3:].all()
+    assert (np.diff(grown.source_sd_m[finite], axis=0) <= 1e-9).all()
+
+
+def test_an_answer_with_exact_corners_grows_with_exact_corners():
+    """Corners that might be loose, but were found exact, are no unknowns of the answer."""
+    flight, medium, _ = flown(k=2)
+    told = replace(flight, legs=tuple(replace(leg, corner_sd_m=0.02) for leg in flight.legs))
+    found = estimate(told, medium, 2)
+    assert not any(name.startswith("corner") for name in found.parameter_names)
+    grown = growth(told, found, medium)
+    assert grown is not None
+    assert grown.source_sd_m[-1] == pytest.approx(found.sd_m, rel=0.1)

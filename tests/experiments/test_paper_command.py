@@ -79,7 +79,7 @@ def test_a_pipe_gets_the_table_with_the_papers_figures(tmp_path):
     for row in TABLE_III:
         for figure in row[4:]:
             assert f"{figure:.3g}" in done.out or f"{figure:.3f}" in done.out
-    assert (f"written {tmp_path}" in done.out) == PICTURES
+    assert (f"Written {tmp_path}" in done.out) == PICTURES
 
 
 def test_results_do_not_depend_on_the_workers(tmp_path):

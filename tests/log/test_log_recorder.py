@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
-from dslam_mav.errors import LogError
+from dslam_mav.errors import BadInputError, LogError
 from dslam_mav.log import Recorder, log_info, read_log
 from dslam_mav.log.recover import salvage
 from dslam_mav.observations import Reading
@@ -23,27 +23,27 @@ def test_a_log_is_never_overwritten(tmp_path):
     path = tmp_path / "flight.mcap"
     with Recorder(path) as first:
         first.reading(1, Reading(1, 2.0))
-        with pytest.raises(LogError, match=r"flight\.mcap: exists already"):
+        with pytest.raises(BadInputError, match=r"flight\.mcap: exists already"):
             Recorder(path)
     assert len(read_log(path).readings) == 1
     before = path.read_bytes()
-    with pytest.raises(LogError, match="exists already"):
+    with pytest.raises(BadInputError, match="exists already"):
         Recorder(path)
     assert path.read_bytes() == before
 
 
 def test_a_folder_that_is_missing_or_no_folder_is_named(tmp_path):
-    with pytest.raises(LogError, match=r"nowhere/flight\.mcap: cannot be created: No such file") as caught:
+    with pytest.raises(BadInputError, match=r"nowhere/flight\.mcap: cannot be created: no such file") as caught:
         Recorder(tmp_path / "nowhere" / "flight.mcap")
     assert "\n" not in str(caught.value)
     (tmp_path / "file").write_text("")
-    with pytest.raises(LogError, match="cannot be created"):
+    with pytest.raises(BadInputError, match="cannot be created"):
         Recorder(tmp_path / "file" / "flight.mcap")
 
 
 @pytest.mark.skipif(not Path("/proc/version").exists(), reason="needs Linux's /proc as a folder nobody can write")
 def test_a_read_only_folder_is_named():
-    with pytest.raises(LogError, match=r"^/proc/flight\.mcap: cannot be created: "):
+    with pytest.raises(BadInputError, match=r"^/proc/flight\.mcap: cannot be created: "):
         Recorder(Path("/proc/flight.mcap"))
 
 
@@ -92,7 +92,7 @@ def test_a_full_disk_is_told_once_and_the_log_so_far_is_whole(tmp_path):
     assert done.stderr == ""
     lines = done.stdout.splitlines()
     assert len(lines) == 2
-    assert lines[0].startswith(f"{path}: cannot be written: File too large")
+    assert lines[0].startswith(f"{path}: cannot be written: file too large")
     assert lines[1] == "told 1"
     log = read_log(path)
     assert not log.complete
@@ -112,7 +112,7 @@ def test_a_disk_that_is_full_from_the_start_leaves_no_file(tmp_path):
     path = tmp_path / "flight.mcap"
     done = run_full(path, 10)
     assert (done.returncode, done.stderr) == (4, "")
-    assert done.stdout.startswith(f"{path}: cannot be written: File too large")
+    assert done.stdout.startswith(f"{path}: cannot be written: file too large")
     assert not path.exists()
 
 
@@ -125,7 +125,7 @@ def test_a_failure_at_the_very_end_is_told_by_close(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "write", full)
-    with pytest.raises(LogError, match="No space left on device"):
+    with pytest.raises(LogError, match="no space left on device"):
         recorder.close()
     recorder.close()
 
@@ -152,7 +152,7 @@ def test_a_disk_full_while_the_log_is_closed_costs_its_index_alone(tmp_path, mon
         return write(descriptor, data)
 
     monkeypatch.setattr(recorder._disk, "hold", held)
-    with pytest.raises(LogError, match="No space left on device"):
+    with pytest.raises(LogError, match="no space left on device"):
         recorder.close()
     log = read_log(path)
     assert (len(log.readings), log.complete) == (1, False)

@@ -10,8 +10,8 @@ from fakes import mission
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dslam_mav.mission import Mission, leg_plan, with_home_item
-from missions.continued import continued, first_turn
+from dslam_mav.mission import CMD_CHANGE_SPEED, CMD_JUMP, Mission, MissionItem, leg_plan, with_home_item
+from missions.continued import continued, first_turn, lost_item
 
 CORNERS = [(0.0, 0.0), (60.0, 0.0), (10.0, 30.0), (50.0, -20.0), (50.0, 40.0)]
 turns = st.floats(-3.1, 3.1)
@@ -70,3 +70,23 @@ def test_only_the_end_of_a_leg_can_be_gone_on_from() -> None:
         continued(plan, leg_plan(plan).sequence[0], [1.0], [10.0])
     with pytest.raises(ValueError, match="turn_rad: expected one for each of 2 lengths, got 1"):
         continued(plan, leg_plan(plan).sequence[1], [1.0], [10.0, 10.0])
+
+
+@pytest.mark.parametrize("home", [False, True])
+@pytest.mark.parametrize("command", [CMD_CHANGE_SPEED, CMD_JUMP, 93, 206])
+@given(place=st.integers(0, 8))
+def test_what_would_be_lost_or_point_astray_is_known_beforehand(command: int, home: bool, place: int) -> None:
+    """An item anywhere: it is named, or it is still there behind the same waypoint after any leg."""
+    bare = mission(CORNERS)
+    item = MissionItem(command, 2, (1.0, 3.0, 0.0, 0.0), 0, 0, 0.0)
+    plan = Mission((*bare.items[:place], item, *bare.items[place:]), bare.home)
+    if home:
+        plan = with_home_item(plan)
+    sequence, own = leg_plan(plan).sequence, place + home
+    between = sequence[1] < own < sequence[-1]
+    assert lost_item(plan) == (own if between or command == CMD_JUMP else None)
+    if not between:
+        for end_seq in sequence[1:]:
+            new = continued(plan, end_seq, [1.0], [10.0])
+            assert sum(i.command == command and i.params[1] == 3.0 for i in new.items) == 1
+    assert lost_item(bare) is None

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from dslam_mav.dslam.paper.frozen import known_activation
 from dslam_mav.records import Flight, Medium
+from dslam_mav.records.words import count
 
 
 def check(
@@ -68,5 +69,5 @@ def too_few(flight: Flight, k: int) -> str | None:
         return f"The paper's algebra needs three legs, got {len(flight.legs)}."
     for j, leg in enumerate(flight.legs):
         if leg.reading.size < 2 * k:
-            return f"Leg {j + 1} has {leg.reading.size} readings: {k} centres need {2 * k}."
+            return f"Leg {j + 1} has {count(leg.reading.size, 'reading')}, and needs {2 * k} for {count(k, 'centre')}."
     return None

@@ -15,6 +15,7 @@ from dslam_mav.dslam.paper import prony, samples
 from dslam_mav.dslam.paper.gaussians import Gaussians, LegFit, assess, heights, polish
 from dslam_mav.dslam.paper.logarithms import ROUNDING, fit_leg, logarithms
 from dslam_mav.dslam.paper.options import PaperOptions
+from dslam_mav.records.words import count
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ def centres(leg: LegView, k: int, options: PaperOptions) -> LegCentres | str:
     Exact samples need even spacing: other legs take robust ones, whose weights are made for the actual distances.
     """
     if leg.s.size < 2 * k:
-        return f"{leg.s.size} readings carry no {k} centres: Prony needs {2 * k}."
+        return f"{count(leg.s.size, 'reading')} for {count(k, 'centre')}: Prony needs {2 * k}."
     if not leg.largest > 0.0:
         return "no reading differs from the ambient level."
     even = samples.spacing(leg.s) is not None

@@ -56,7 +56,7 @@ def estimate_parametric(
     k = n_sources or 1
     reading = path.reading - (medium.ambient or 0.0)
     if reading.size < path.basis.shape[1] + 3 * k:
-        return nothing(flight, medium, k, Verdict.TOO_FEW_DATA, f"{reading.size} readings are too few for this path.")
+        return nothing(flight, medium, k, Verdict.TOO_FEW_DATA, f"Too few readings for this path: {reading.size}.")
     unit = float(reading.max())
     if not unit > 0.0:
         return nothing(flight, medium, k, Verdict.NOT_IDENTIFIABLE, "No reading is above the ambient level.")

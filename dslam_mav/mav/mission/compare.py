@@ -20,6 +20,7 @@ from dslam_mav.mission import (
     CMD_WAYPOINT,
     MissionItem,
 )
+from dslam_mav.records.words import agree, count
 
 _PLAIN_FRAME = {5: 0, 6: 3, 11: 10}
 _PLACE_STEPS_E7 = 1  # about 1 cm
@@ -46,7 +47,7 @@ def first_difference(
     Items before `first` are the vehicle's own (ArduPilot keeps its home in item 0).
     """
     if len(sent) != len(held):
-        return f"{len(sent)} items were sent, the vehicle holds {len(held)}"
+        return f"{count(len(sent), 'item')} {agree(len(sent), 'was', 'were')} sent, the vehicle holds {len(held)}"
     for seq, (ours, theirs) in enumerate(zip(sent[first:], held[first:], strict=True), first):
         if (field := _difference(ours, theirs, profile)) is not None:
             name, mine, other = field

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from dslam_mav.mav.profile import Profile, stays_on_ground
 from dslam_mav.mission import CMD_JUMP, CMD_LAND, CMD_TAKEOFF, CMD_WAYPOINT, Mission, MissionItem, has_home_item
+from dslam_mav.records.words import agree, count
 
 
 def suited(mission: Mission, profile: Profile, vehicle_type: int) -> tuple[Mission, tuple[str, ...]]:
@@ -24,9 +25,11 @@ def suited(mission: Mission, profile: Profile, vehicle_type: int) -> tuple[Missi
     first = 1 if has_home_item(mission) else 0
     held = items[:first] + tuple(_held(item, profile) for item in items[first:])
     if n := sum(a.params[0] != b.params[0] for a, b in zip(items, held, strict=True)):
-        notes.append(f"{n} waypoints get a hold of {profile.corner_hold_s:g} s: without, their corners are cut")
+        who = f"{count(n, 'waypoint')} {agree(n, 'gets', 'get')}"
+        notes.append(f"{who} a hold of {profile.corner_hold_s:g} s: without, their corners are cut")
     if n := sum(_set(a.params[1]) != _set(b.params[1]) for a, b in zip(items, held, strict=True)):
-        notes.append(f"{n} waypoints get an acceptance radius of {profile.corner_accept_m:g} m: PX4's own is 10 m")
+        who = f"{count(n, 'waypoint')} {agree(n, 'gets', 'get')}"
+        notes.append(f"{who} an acceptance radius of {profile.corner_accept_m:g} m: PX4's own is 10 m")
     return replace(mission, items=held), tuple(notes)
 
 

@@ -46,6 +46,7 @@ from dslam_mav.mission import (
     home_item,
     without_home_item,
 )
+from dslam_mav.records.words import count
 
 __all__ = ["clear", "download", "start", "upload"]
 
@@ -118,7 +119,9 @@ def clear(link: Port, vehicle_system: int) -> None:
         raise LinkError(_silence(talk, end, "clearing"))
     left = _read(talk)
     if len(left) > (1 if talk.profile().home_item else 0):  # ArduPilot may keep its home
-        raise MissionError(f"vehicle {vehicle_system} still holds {len(left)} items after clearing its mission")
+        raise MissionError(
+            f"vehicle {vehicle_system} still holds {count(len(left), 'item')} after clearing its mission"
+        )
 
 
 def _run(talk: Talk, begun: Step, step: StepFunction, progress: Progress | None) -> Transfer:
