@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")  # a terminal without √ is no reason to lose a result
     try:
         with _sigterm_raises():
-            options = _parser().parse_args(live_apart(sys.argv[1:] if arguments is None else arguments))
+            options = _parser().parse_args(arguments)
             module, function = options.run
             command: Callable[[argparse.Namespace], int] = getattr(
                 importlib.import_module(f"dslam_mav.commands.{module}"), function

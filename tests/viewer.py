@@ -107,7 +107,7 @@ def live_url(process: subprocess.Popen[str]) -> str:
     """Where a command that was just started says it can be watched."""
     assert process.stdout is not None
     line = process.stdout.readline()
-    found = re.match(r"live    (ws://127\.0\.0\.1:\d+), in Foxglove", line)
+    found = re.match(r"Live  +(ws://127\.0\.0\.1:\d+), in Foxglove", line)
     assert found, line or process.communicate()[1]
     return found[1]
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
+from collections.abc import Sequence
 from typing import Any, NoReturn, TypeAlias
 
+from dslam_mav.commands.live_options import live_apart
 from dslam_mav.errors import BadInputError
 
 Commands: TypeAlias = "argparse._SubParsersAction[Any]"
@@ -18,6 +21,11 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**{"allow_abbrev": False, **settings})  # type: ignore[arg-type]
         # -33.5,151.2 is a place in the south, no option
         self._negative_number_matcher = re.compile(r"-[\d.]")
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """`--live` may stand alone before a PLAN or LOG."""
+        words = sys.argv[1:] if args is None else args
+        return super().parse_known_args(live_apart(words), namespace)
 
     def error(self, message: str) -> NoReturn:
         """BadInputError."""

@@ -33,6 +33,41 @@ def resumed(prob: Problem, start: Estimate, unit: Units) -> list[State]:
     flown = start.path.heading_rad.size
     begun = _first_legs(prob, flown)
     states = [_state(begun, e, unit) for e in (start, *start.alternatives) if np.isfinite(e.sources.position_m).all()]
+    return _grown(prob, states, flown)
+
+
+def regrown(prob: Problem, states: Sequence[State], kept: int) -> list[State]:
+    """The states with all headings but those of the first legs found anew, leg by leg: minima that differ there."""
+    still, gap = np.zeros(kept), np.zeros((kept, prob.dimensions))
+    first = [replace(s, theta=s.theta[:kept], climb=still, longer=still, gap=gap) for s in states]
+    return _grown(prob, first, kept)
+
+
+def turned_round(prob: Problem) -> Problem:
+    """The same legs flown backwards from the last to the first, every reading at its time; of unreduced readings."""
+    order = np.argsort(-prob.leg, kind="stable")
+    leg = prob.leg[order]
+    return replace(
+        prob,
+        s=prob.length[leg] - prob.s[order],
+        t=prob.t[order],
+        leg=prob.n_legs - 1 - leg,
+        y=prob.y[order],
+        length=prob.length[::-1].copy(),
+        known=Known(),
+    )
+
+
+def backwards(prob: Problem, state: State) -> State:
+    """The state of `prob`, in which legs are straight on end, for the problem turned round."""
+    angle = state.theta[-1] + np.pi
+    to = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    end = vertices(state.theta, prob.length)[-1]
+    theta = state.theta[::-1] - state.theta[-1]
+    return replace(state, theta=theta, s=(state.s - end) @ to.T)
+
+
+def _grown(prob: Problem, states: list[State], flown: int) -> list[State]:
     for leg in range(flown, prob.n_legs):
         seen = _first_legs(prob, leg + 1)
         grown = [other for state in states for other in _with_leg(prob, state, leg)]

@@ -16,7 +16,7 @@ from dslam_mav.dslam.media import apart, media_starts
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Known, Problem, alike
 from dslam_mav.dslam.reduce import binned, reduced, unlagged
-from dslam_mav.dslam.resume import fits_the_flight, resumed
+from dslam_mav.dslam.resume import backwards, fits_the_flight, regrown, resumed, turned_round
 from dslam_mav.dslam.scatter import scatter
 from dslam_mav.dslam.starts import Starts, starts, warm_starts
 from dslam_mav.dslam.state import State, layout, loose_corners
@@ -33,9 +33,11 @@ NEAR_LAG = np.array([0.6, 1.0])  # of a known one: how far back readings belong 
 HEAT = 6  # iterations all starts are given
 CRAWLING = 8  # of the best: taken on by Newton's steps where they have not settled
 FAR_BEHIND = 40.0  # in χ², after them
+REGROWN, FEWEST_KEPT = 3, 1  # answers whose legs are looked for again, and legs that are not
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
 FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are believed
-DITHER = 0.02  # of the readings' range: theory, section 10, the noise to search with where the model does not fit
+DITHERS = (0.02, 0.01)  # of the readings' range: noise to search with where the model does not fit (theory, section 10)
+FEW = 2  # sources whose answer one such search finds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,21 +91,42 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
         begun = _search(task.problem, coarse, task.k_sources, rng)
         solved = _solved(task, replace(begun, states=begun.states + solved.ends), coarse, rng)
     flat = task.problem.basis is None and task.problem.dimensions == 2
-    if solved is None or not (solved.level.misfit and task.patient and flat):
-        return solved
-    doubted = replace(_dithered(coarse, rng), extent=None if task.extent_free else coarse.extent)
-    more = _search(task.problem, doubted, task.k_sources, rng)
-    found = tuple(replace(state, extent=begun.states[0].extent) for state in more.states)
-    return _solved(task, replace(begun, states=begun.states + found), coarse, rng)
+    if solved is not None and flat and task.problem.spreads == "each" and task.k_sources > 1:
+        solved = _with_ages(task, begun, solved, coarse, rng)
+    states = begun.states
+    for dither in DITHERS[: 1 if task.k_sources <= FEW else None]:
+        if solved is None or not (solved.level.misfit and task.patient and flat):
+            break
+        doubted = replace(_dithered(coarse, dither, rng), extent=None if task.extent_free else coarse.extent)
+        more = _search(task.problem, doubted, task.k_sources, rng)
+        states += tuple(replace(state, extent=begun.states[0].extent) for state in more.states)
+        again = _solved(task, replace(begun, states=states), coarse, rng)
+        solved = again if again is not None and again.fits[0].converged >= solved.fits[0].converged else solved
+    return solved
 
 
-def _dithered(prob: Problem, rng: np.random.Generator) -> Problem:
+def _with_ages(task: Task, begun: Starts, solved: Solution, coarse: Problem, rng: np.random.Generator) -> Solution:
+    """The search took all sources for equally old, and may have thrown away what ages of their own put first: the best
+    answers' later legs are looked for again with those.
+    """
+    seen = replace(coarse, spreads="each", spread2=None, extent=task.problem.extent)
+    ends, found = solved.ends[:REGROWN], list(solved.ends)
+    home = turned_round(seen)
+    turned = [backwards(seen, state) for state in ends]
+    for kept in range(FEWEST_KEPT, seen.n_legs):
+        found += regrown(seen, ends, kept)
+        found += [backwards(home, state) for state in regrown(home, turned, kept)]
+    again = _solved(task, replace(begun, states=tuple(found)), coarse, rng)
+    return solved if again is None else again
+
+
+def _dithered(prob: Problem, share: float, rng: np.random.Generator) -> Problem:
     """With noise added to the readings.
 
     Where misfit stands far out of the noise, the search takes it for signal: its valleys are narrow, wrong ones deep,
     and what the final fits would put first is thrown away early. White noise as large as the misfit levels them.
     """
-    noise = DITHER * float(np.ptp(prob.y)) * rng.standard_normal(prob.y.size)
+    noise = share * float(np.ptp(prob.y)) * rng.standard_normal(prob.y.size)
     return replace(prob, y=prob.y + noise)
 
 

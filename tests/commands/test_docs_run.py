@@ -27,6 +27,7 @@ ELSEWHERE = {
     ),
     r"vehicle ": ("sim_bridge/loopback/test_ardupilot_ways.py", "commands/test_fly_hostile.py"),
     r"fly --readings ../shared": ("test_real_input.py",),
+    r"replay --live": ("commands/test_live_commands.py",),
     r"plan --pattern (best|.*--area 32,32|(lawnmower|star7) --sources 3$)": (
         "commands/test_plan_best.py", "experiments/test_gallery.py", "test_docs.py",
     ),

@@ -59,7 +59,7 @@ def test_a_log_is_played_from_the_first_viewer_on_and_stays(flown: Any) -> None:
         stop(process)
     assert (done.code, done.err) == (130, "dslam-mav: interrupted\n")
     *answer, played = done.out.splitlines()
-    assert played == f"played  {sum(map(len, logged.values()))} messages; serving until Ctrl-C"
+    assert played == f"Played   {sum(map(len, logged.values())):,} messages; serving until Ctrl-C"
     assert answer == run("replay", flown.log).out.splitlines()
 
 

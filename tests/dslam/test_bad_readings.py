@@ -113,7 +113,7 @@ class TestPlaces:
         ("legs", "says"),
         [
             ((), "flight"),
-            (FLIGHT.legs[:1], "1 legs"),
+            (FLIGHT.legs[:1], "1 leg "),
             (FLIGHT.legs[:2], "2 legs"),
             (tuple(Leg(3.2, [], [], []) for _ in range(4)), "No reading"),
             ((*FLIGHT.legs[:3], Leg(3.2, [], [], []), *FLIGHT.legs[3:]), "Leg 4 has 0"),
