@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.dslam.begin import begin, dithered
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
-from dslam_mav.dslam.fit import Fit, fit, settled
+from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.joint import evaluate
-from dslam_mav.dslam.media import apart, media_starts
+from dslam_mav.dslam.media import apart
 from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
 from dslam_mav.dslam.problem import Known, Problem, alike
-from dslam_mav.dslam.reduce import binned, reduced, unlagged
+from dslam_mav.dslam.race import raced
+from dslam_mav.dslam.reduce import binned, reduced
 from dslam_mav.dslam.resume import backwards, fits_the_flight, regrown, resumed, turned_round
-from dslam_mav.dslam.scatter import scatter
-from dslam_mav.dslam.starts import Starts, starts, warm_starts
+from dslam_mav.dslam.starts import Starts, warm_starts
 from dslam_mav.dslam.state import State, layout, loose_corners
 from dslam_mav.dslam.units import Units
 from dslam_mav.records import Estimate
 
 Array = NDArray[np.float64]
 
-THREADS = 2  # as the search; the fits are the same whatever their number
-USUAL_LAGS = np.array([0.003, 0.01, 0.03])  # of the flight: where an unknown lag is looked for
-NO_LAG = 1e-4  # of the flight: a fast sensor
-LONGEST_LAG = 0.2  # of the flight: what is slower is looked for as if it were not
-NEAR_LAG = np.array([0.6, 1.0])  # of a known one: how far back readings belong depends on what they pass
-HEAT = 6  # iterations all starts are given
-CRAWLING = 8  # of the best: taken on by Newton's steps where they have not settled
-FAR_BEHIND = 40.0  # in χ², after them
 REGROWN, FEWEST_KEPT = 3, 1  # answers whose legs are looked for again, and legs that are not
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
 FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are believed
@@ -84,11 +76,11 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
             warm = _solved(task, warm_starts(seen, task.k_sources, known, rng), coarse, rng)
             if warm is not None and warm.fits[0].converged and not warm.level.misfit:
                 return warm
-    begun = _search(task.problem, coarse, task.k_sources, rng)
+    begun = begin(task.problem, coarse, task.k_sources, rng)
     solved = _solved(task, begun, coarse, rng)
     if solved is not None and task.problem.drift is None:
         coarse = replace(coarse, y=coarse.y - solved.fits[0].state.drift * coarse.t)
-        begun = _search(task.problem, coarse, task.k_sources, rng)
+        begun = begin(task.problem, coarse, task.k_sources, rng)
         solved = _solved(task, replace(begun, states=begun.states + solved.ends), coarse, rng)
     flat = task.problem.basis is None and task.problem.dimensions == 2
     if solved is not None and flat and task.problem.spreads == "each" and task.k_sources > 1:
@@ -97,8 +89,8 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     for dither in DITHERS[: 1 if task.k_sources <= FEW else None]:
         if solved is None or not (solved.level.misfit and task.patient and flat):
             break
-        doubted = replace(_dithered(coarse, dither, rng), extent=None if task.extent_free else coarse.extent)
-        more = _search(task.problem, doubted, task.k_sources, rng)
+        doubted = replace(dithered(coarse, dither, rng), extent=None if task.extent_free else coarse.extent)
+        more = begin(task.problem, doubted, task.k_sources, rng)
         states += tuple(replace(state, extent=begun.states[0].extent) for state in more.states)
         again = _solved(task, replace(begun, states=states), coarse, rng)
         solved = again if again is not None and again.fits[0].converged >= solved.fits[0].converged else solved
@@ -118,45 +110,6 @@ def _with_ages(task: Task, begun: Starts, solved: Solution, coarse: Problem, rng
         found += [backwards(home, state) for state in regrown(home, turned, kept)]
     again = _solved(task, replace(begun, states=tuple(found)), coarse, rng)
     return solved if again is None else again
-
-
-def _dithered(prob: Problem, share: float, rng: np.random.Generator) -> Problem:
-    """With noise added to the readings.
-
-    Where misfit stands far out of the noise, the search takes it for signal: its valleys are narrow, wrong ones deep,
-    and what the final fits would put first is thrown away early. White noise as large as the misfit levels them.
-    """
-    noise = share * float(np.ptp(prob.y)) * rng.standard_normal(prob.y.size)
-    return replace(prob, y=prob.y + noise)
-
-
-def _search(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
-    """Starts at one C for all sources, whatever is known of each; of a slow sensor at its lag, or at likely ones."""
-    if prob.lag == 0.0 or prob.basis is not None:
-        return _search_unlagged(prob, coarse, k_sources, rng)
-    duration = float(prob.t[-1])
-    likely = USUAL_LAGS * duration if prob.lag is None else NEAR_LAG * min(prob.lag, LONGEST_LAG * duration)
-    lags = [float(lag) for lag in likely]
-    found = [_search_unlagged(prob, unlagged(coarse, lag), k_sources, rng) for lag in lags]
-    if prob.lag is None:
-        lags.append(NO_LAG * duration)
-        found.append(_search_unlagged(prob, coarse, k_sources, rng))
-    states = []
-    for lag, each in zip(lags, found, strict=True):
-        own = float(np.log(lag if prob.lag is None else prob.lag))
-        states += [replace(state, log_lag=own, log_spread2=_as_known(coarse, state)) for state in each.states]
-    return replace(found[0], states=tuple(states))
-
-
-def _as_known(prob: Problem, state: State) -> Array:
-    """(K,) ln C as known, which the search may have widened."""
-    return state.log_spread2 if prob.spread2 is None else np.log(np.broadcast_to(prob.spread2, len(state.s)))
-
-
-def _search_unlagged(prob: Problem, coarse: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
-    if prob.basis is not None or prob.dimensions == 3:
-        return scatter(prob, k_sources, rng)
-    return media_starts(coarse, k_sources, rng) if coarse.spread2 is None else starts(coarse, k_sources, rng)
 
 
 def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator) -> Solution | None:
@@ -251,7 +204,7 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     """The problem with all that is known, and its fits from every start, best first."""
     prob, priors, unit = task.problem, task.priors, task.unit
     loose = bounded(prob, begun.sigma, priors, unit, loose=task.loose)
-    fits = _raced(loose, _as_asked(prob, begun.states))
+    fits = raced(loose, _as_asked(prob, begun.states))
     if not fits or not priors.any:
         return loose, fits
     k_sources = len(fits[0].state.s)
@@ -260,30 +213,7 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)
-    return tight, _raced(tight, both_sides(tight, again))
-
-
-def _raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
-    """Fits from all states, best first: after a few iterations those far behind, or where another is, give up."""
-    with ThreadPoolExecutor(THREADS) as threads:
-        pool = list(threads.map(lambda state: fit(prob, state, iterations=HEAT), states))
-    ordered = sorted((f for f in pool if np.isfinite(f.cost)), key=lambda f: f.cost)
-    kept: list[Fit] = []
-    for f in ordered:
-        unit = (ordered[0].cost + prob.outside) / prob.n_readings
-        if f.cost > ordered[0].cost + FAR_BEHIND * unit:
-            break
-        if all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
-            kept.append(f)
-    with ThreadPoolExecutor(THREADS) as threads:
-        kept = sorted(threads.map(lambda f: f if f.converged else fit(prob, f.state), kept), key=lambda f: f.cost)
-    within = kept[0].cost + WINDOW * (kept[0].cost + prob.outside) / prob.n_readings if kept else 0.0
-    return _settled([settled(prob, f) if i < CRAWLING and f.cost < within else f for i, f in enumerate(kept)])
-
-
-def _settled(fits: list[Fit]) -> list[Fit]:
-    """Settled fits first, best first; those that ended in a flat valley stay as rivals."""
-    return sorted((f for f in fits if np.isfinite(f.cost)), key=lambda f: (not f.converged, f.cost))
+    return tight, raced(tight, both_sides(tight, again))
 
 
 def _level(prob: Problem, begun: Starts, best: Fit) -> Noise:
