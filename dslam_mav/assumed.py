@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dslam_mav.assumptions import Assumptions
+from dslam_mav.calibrated import Calibrated, calibrated_answer
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import FlownLeg, LegCollector, plan_headings_rad
@@ -28,7 +29,7 @@ def estimator(assumptions: Assumptions, collector: LegCollector, mission: Missio
     """The function that live flight and replay call alike.
 
     With `heading` "none" it sees nothing but the flight. "vehicle" adds the legs' mean compass headings from the
-    collector, "plan" the planned directions; the answer is then anchored, where the plan is known at its vertex at
+    collector, "plan" the planned directions; ambient or noise "hover" what the collector has of before the first leg; the answer is then anchored, where the plan is known at its vertex at
     which the legs begin. BadInputError: assumptions that contradict each other or the flight.
     """
     try:
@@ -41,15 +42,21 @@ def estimator(assumptions: Assumptions, collector: LegCollector, mission: Missio
         prior = None
         if assumptions.heading != "none":
             prior = (_headings(assumptions, collector, mission, legs), assumptions.heading_sd_rad)
-        try:
-            result = estimate(
+
+        def answer(calibrated: Calibrated) -> Estimate:
+            return estimate(
                 flown,
                 medium,
                 assumptions.n_sources,
                 method=assumptions.method,
                 heading_prior=prior,
+                ambient_prior=calibrated.ambient,
+                noise_prior=calibrated.noise,
                 seed=assumptions.seed,
             )
+
+        try:
+            result = calibrated_answer(assumptions, collector.standing(legs), answer)
         except ValueError as problem:
             raise BadInputError(f"assumptions: {problem}") from None
         if prior is None or mission is None:

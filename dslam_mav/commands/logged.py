@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration
+from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration, stood
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, logged_mission
 from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.settings import with_settings
@@ -129,6 +129,7 @@ def outcome_of(logged: Logged) -> Outcome:
     facts = {
         "readings": f"{replayed.flight.n_readings} on {len(replayed.legs)} legs, from {logged.path.name}",
         **in_words(logged.assumptions),
+        **stood(replayed.collector, replayed.legs),
         "distance along a leg": ", ".join(sorted(modes)),
     }
     truth = truth_of(logged.truth, logged.mission, replayed.legs)

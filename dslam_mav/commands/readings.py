@@ -36,7 +36,8 @@ class Readings:
     """A field to read along a path, how it is sampled, and what is true of it (None: unknown).
 
     `medium`: what the estimator may be told of the medium. `peak`: a usual source's peak reading above ambient, where
-    it is known. `notes`: what a person must be told.
+    it is known. `notes`: what a person must be told. `before_s`: how often it is read before the first leg as well;
+    None where what was recorded tells nothing of then.
     """
 
     field: Field
@@ -51,6 +52,7 @@ class Readings:
     attachment: tuple[str, str, bytes] | None = None
     peak: float | None = None
     notes: tuple[str, ...] = ()
+    before_s: float | None = None
 
     @property
     def sensor(self) -> Sensor:
@@ -98,13 +100,15 @@ def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_
     vertices = vertices[:, : scene.medium.dimensions]
     seed = scene.seed if options.seed is None else options.seed
     known = truth(scene, vertices)
+    speed_m_s = speed_m_s or scene.sampling.speed_m_s
+    interval_s = scene.sampling.interval_s or (scene.sampling.spacing_m or 0.0) / speed_m_s
     flat = Truth(known.source_position_m[:, :2], known.amplitude, known.vertices_m[:, :2])
     return Readings(
         field=SceneField(scene),
         sampling=Sampling(scene.sampling.spacing_m, scene.sampling.interval_s),
         noise_sd=scene.noise_sd(vertices),
         rng=np.random.default_rng(seed),
-        speed_m_s=speed_m_s or scene.sampling.speed_m_s,
+        speed_m_s=speed_m_s,
         vertices_m=vertices,
         truth=flat if scene.medium.dimensions == 2 else None,
         medium=scene.estimator_medium(),
@@ -112,6 +116,7 @@ def _from_scene(path: Path, options: Namespace, vertices_m: Array | None, speed_
         attachment=("scene.json", "application/json", encode_scene(scene)),
         peak=scene.usual_peak(),
         notes=(IN_SPACE.format(path.name),) if scene.medium.dimensions == 3 else (),
+        before_s=interval_s,
     )
 
 

@@ -190,6 +190,7 @@ def _diagnostics(answers: Answers, state: State, cost: float) -> dict[str, Any]:
         "whiteness_p": level.p_value,
         "systematic_share": level.systematic_share,
         "extent": state.extent,
+        "noise_measured": level.measured,
     }
 
 
