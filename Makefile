@@ -35,6 +35,8 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench.recorded_fields
 	$(BIN)/python -m tests.bench.recorded
 	$(BIN)/python -m tests.bench.flights
+	$(BIN)/python -m tests.bench.hover
+	$(BIN)/python -m tests.bench.accelerations || echo "as flown, more than 1.2 times the error of ideal legs"
 
 # What each pattern sees: docs/gallery.md and its pictures (two minutes).
 gallery: $(VENV)/installed-dev

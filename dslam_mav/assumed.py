@@ -25,12 +25,15 @@ def visible_plan(assumptions: Assumptions, mission: Mission) -> Mission | None:
     return mission if assumptions.heading != "none" else None
 
 
-def estimator(assumptions: Assumptions, collector: LegCollector, mission: Mission | None) -> Estimator:
+def estimator(
+    assumptions: Assumptions, collector: LegCollector, mission: Mission | None, earlier: Estimate | None = None
+) -> Estimator:
     """The function that live flight and replay call alike.
 
     With `heading` "none" it sees nothing but the flight. "vehicle" adds the legs' mean compass headings from the
-    collector, "plan" the planned directions; ambient or noise "hover" what the collector has of before the first leg; the answer is then anchored, where the plan is known at its vertex at
-    which the legs begin. BadInputError: assumptions that contradict each other or the flight.
+    collector, "plan" the planned directions; the answer is then anchored, where the plan is known at its vertex at
+    which the legs begin. Ambient or noise "hover" adds what the collector has of before the first leg. `earlier`: an
+    answer to begin from. BadInputError: assumptions that contradict each other or the flight.
     """
     try:
         medium = assumptions.medium()
@@ -52,6 +55,7 @@ def estimator(assumptions: Assumptions, collector: LegCollector, mission: Missio
                 heading_prior=prior,
                 ambient_prior=calibrated.ambient,
                 noise_prior=calibrated.noise,
+                start=earlier,
                 seed=assumptions.seed,
             )
 

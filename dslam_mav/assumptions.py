@@ -13,7 +13,8 @@ class Assumptions:
     """What the person assumes of a flight: recorded with every estimate so that replay repeats it.
 
     None means: find it out. `ambient` "hover" is the level read where the vehicle stood before its first leg, `noise`
-    "hover" the noise there, beside that of the legs. `heading_sd_rad` is how far a heading from compass or plan is trusted.
+    "hover" the noise there, beside that of the legs. `heading_sd_rad` is how far a heading from compass or plan is
+    trusted.
     """
 
     n_sources: int | None = None

@@ -96,11 +96,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
             estimate=crew.onboard.result,
             truth=truth_of(truth, held, flown),
             log=folder / "flight.mcap",
-            facts={
-                **_facts(setup, legs, crew.bridge.sent),
-                **in_words(setup.assumptions),
-                **stood(collector, flown),
-            },  # fmt: skip
+            facts=_facts(setup, legs, crew.bridge.sent) | in_words(setup.assumptions) | stood(collector, flown),
             warnings=(*_missing(setup.readings, crew.bridge), *collector.notes(flown)),
             stopped=stopped,
             assumptions=setup.assumptions,

@@ -21,7 +21,7 @@ from dslam_mav.log.recovered import in_words as recovered_in_words
 from dslam_mav.log.topics import ESTIMATE, PREDICTION, RAW, TRUTH
 from dslam_mav.mission import Mission
 from dslam_mav.recordings import Assumed, Recording, kind_of, open_recording, our_log
-from dslam_mav.records import Truth
+from dslam_mav.records import Estimate, Truth
 from dslam_mav.replay import Replayed
 from missions.plan_file import read_plan
 
@@ -95,11 +95,11 @@ def _mission(
     return logged_mission(log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
 
 
-def estimate_again(logged: Logged) -> Outcome:
-    """The estimator on the log's readings, as it ran on board."""
+def estimate_again(logged: Logged, start: Estimate | None = None) -> Outcome:
+    """The estimator on the log's readings, as it ran on board; begun from `start`, where one is given."""
     collector = logged.replayed.collector
     plan = None if logged.mission is None else visible_plan(logged.assumptions, logged.mission)
-    run = estimator(logged.assumptions, collector, plan)
+    run = estimator(logged.assumptions, collector, plan, start)
     try:
         result = run(logged.replayed.flight, logged.replayed.legs)
     except BadInputError as problem:

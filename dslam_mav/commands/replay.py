@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dslam_mav.assumptions import Assumptions
+from dslam_mav.commands.compass import with_compass
 from dslam_mav.commands.derived import write_derived
 from dslam_mav.commands.logged import as_flown, estimate_again, open_logged
 from dslam_mav.commands.outcome import show, write_report
@@ -27,7 +28,7 @@ def run(options: Namespace) -> int:
     with screen.progress("estimating"):
         outcome = estimate_again(logged)
     if options.report:
-        outcome = write_report(outcome, Path(options.report))
+        outcome = write_report(with_compass(logged, outcome), Path(options.report))
     return show(screen, outcome)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
+from dslam_mav.commands.compass import with_compass
 from dslam_mav.commands.logged import as_flown, open_logged
 from dslam_mav.commands.outcome import write_report
 from dslam_mav.commands.screen import Screen
@@ -20,7 +21,8 @@ def run(options: Namespace) -> int:
     path = Path(options.logs[0])
     page = Path(options.output) if options.output else path.with_name(_page_name(path))
     with screen.progress(f"{path} -> {page}"):
-        write_report(as_flown(open_logged(path, options)), page)
+        logged = open_logged(path, options)
+        write_report(with_compass(logged, as_flown(logged)), page)
     screen.say(str(page))
     screen.result({"reports": [{"log": str(path), "report": str(page)}]})
     return 0

@@ -21,8 +21,8 @@ def _transfer(commands: Commands) -> None:
     upload.add_argument("plan", metavar="PLAN", help=".plan or .waypoints")
     upload.add_argument(
         "--hold", metavar="S", type=NOT_NEGATIVE,
-        help="the least wait at each corner, that legs are straight; 0: as drawn (default: as fly has it, 1 for ArduPilot "
-        "and PX4, unless the plan has holds of its own)",
+        help="the least wait at each corner, that legs are straight; 0: as drawn (default: as fly has it, 1 for "
+        "ArduPilot and PX4, unless the plan has holds of its own)",
     )  # fmt: skip
     upload.add_argument("--start", action="store_true", help="then arm the vehicle and start the mission")
     shared.vehicle_link(upload)

@@ -77,9 +77,9 @@ def estimate(
     `heading_prior`: headings (L,) in radians, counter-clockwise from east, and their standard deviation; the answer
     is then anchored to them, its first vertex at (0, 0) unless points are known. `ambient_prior`: the ambient level and
     its standard deviation, where `medium.ambient` is None. `noise_prior`: a reading's standard deviation as measured
-    where no source changes it, and its degrees of freedom; left out where the legs contradict it. `start`: an earlier estimate of the
-    same flight, with fewer legs or as many, to begin from. `seed` makes the search repeatable bit for bit.
-    `method` "paper" is the paper's algebra step by step, with its options `paper`; it knows no heading prior. Raises
+    where no source changes it, and its degrees of freedom; left out where the legs contradict it. `start`: an earlier
+    estimate of the same flight, with fewer legs or as many, to begin from. `seed` makes the search repeatable bit for
+    bit. `method` "paper" is the paper's algebra step by step, with its options `paper`; it knows no such priors. Raises
     ValueError for impossible arguments.
     """
     check(flight, medium, method, start, seed)

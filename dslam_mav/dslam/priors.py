@@ -25,6 +25,7 @@ AGE_LOG_SD = 1.0  # … this standard deviation of its logarithm
 USUAL_LAG = 0.02  # of the flight: where an unknown lag is looked for, …
 LAG_LOG_SD = 2.0  # … give or take this standard deviation of its logarithm
 EXTENT_SD = 0.3
+OVERSHOT_SHARE = 1.0 / 200.0  # of a leg: what a vehicle came back before its end says that it had overshot it
 CLOSED_SHARE = 1e-3  # of the path: how well a path said to be closed closes
 POINT_SHARE = 1e-4  # of the path: how well a known point is known
 LEAST_SD = 1e-6  # of the path, or a radian: as exact as a prior may be
@@ -33,7 +34,6 @@ RESTARTS = 40
 SLACK = (
     0.05  # of the legs between two known points: how much further apart they may lie, surveyed and flown as they are …
 )
-OVERSHOT_SHARE = 1.0 / 200.0  # of a leg: what a vehicle came back before its end says that it had overshot it
 SLACK_SD = 5.0  # … and of the legs' own standard deviations
 
 

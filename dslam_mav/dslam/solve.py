@@ -57,8 +57,8 @@ class Solution:
 class Task:
     """A problem in units of its own, how many sources to find, what is known besides, and where to begin.
 
-    Not `patient`, an answer that leaves more than noise is taken as it is; `loose`, legs may begin beside the corners: past them above 0, before them below, and so many times
-    as far off as is usual.
+    Not `patient`, an answer that leaves more than noise is taken as it is; `loose`, legs may begin beside the corners:
+    past them above 0, before them below, and so many times as far off as is usual.
     """
 
     problem: Problem
@@ -247,6 +247,8 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     k_sources = len(fits[0].state.s)
     sigma = float(np.sqrt(_level(loose, begun, fits[0], task).variance))
     tight = constrained(prob, sigma, priors, unit, loose=task.loose)
+    # what corners may do is the same with and without headings, also where misfit widens what these weigh
+    tight = replace(tight, known=replace(tight.known, corner_sd=loose.known.corner_sd))
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)

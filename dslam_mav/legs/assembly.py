@@ -51,8 +51,9 @@ class Samples:
 class FlownLeg:
     """One leg as flown: readings `value` (N,) at `time_ms` (N,) int64, `distance_m` (N,) along it.
 
-    It was flown on a line that passes `beside_m` from where it began. Times are the vehicle's, unwrapped; `zero_ms` is when the flight began: its first way between two
-    vertices of the plan, flown with the same clock, or without a plan its first leg; used or not.
+    It was flown on a line that passes `beside_m` from where it began. Times are the vehicle's, unwrapped; `zero_ms` is
+    when the flight began: its first way between two vertices of the plan, flown with the same clock, or without a plan
+    its first leg; used or not.
     """
 
     start_seq: int

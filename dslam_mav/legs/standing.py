@@ -44,12 +44,12 @@ class Standing:
         """Standard deviation of a reading, and its degrees of freedom: about a straight line through every `BLOCK`
         readings, without spikes.
         """
-        parts = np.array_split(np.arange(self.value.size), max(1, self.value.size // BLOCK))
-        off = np.concatenate([_about_a_line(self.value[part]) for part in parts])
+        off, _ = _about_lines(self.value)
         middle = _MAD_TO_SD * float(np.median(np.abs(off)))
-        kept = off[np.abs(off) <= OUTLIER_SD * middle] if middle > 0.0 else off
-        freedom = float(kept.size - 2 * len(parts))
-        return math.sqrt(float(kept @ kept) / freedom), freedom
+        usual = np.abs(off) <= OUTLIER_SD * middle if middle > 0.0 else np.ones(off.size, dtype=np.bool_)
+        off, lines = _about_lines(self.value[usual])
+        freedom = float(off.size - 2 * lines)
+        return math.sqrt(float(off @ off) / freedom), freedom
 
     def level(self) -> tuple[float, float]:
         """Mean reading and its standard error: by the scatter of the means of parts, where noise alone is less."""
@@ -97,6 +97,12 @@ def _together(told: Array, first: int, i: int) -> bool:
         return True
     x, y = told[i, 2] - told[first, 2], told[i, 3] - told[first, 3]
     return bool(x * x + y * y <= STILL_M * STILL_M)
+
+
+def _about_lines(value: Array) -> tuple[Array, int]:
+    """What is left beside a straight line through every block, and how many there are."""
+    parts = np.array_split(value, max(1, value.size // BLOCK))
+    return np.concatenate([_about_a_line(part) for part in parts]), len(parts)
 
 
 def _about_a_line(value: Array) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ class Scene:
     def noise_sd(self, vertices_m: Array, snr_db: float) -> float:
         """Of a reading, for this ratio to the mean square of what the ideal path reads."""
         shares = np.arange(0.0, 1.0, SPEED_M_S * INTERVAL_S / LEG_M)[:, None]
-        legs = zip(vertices_m[:-1], vertices_m[1:], strict=True)
+        legs = pairwise(vertices_m)
         read = np.concatenate([self.read(shares[:, 0], a + shares * (b - a)) for a, b in legs]) - AMBIENT
         return float(np.sqrt(np.mean(read**2) / 10.0 ** (snr_db / 10.0)))
 
