@@ -36,6 +36,8 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench.recorded_fields
 	$(BIN)/python -m tests.bench.recorded
 	$(BIN)/python -m tests.bench.flights
+	$(BIN)/python -m tests.bench.hover
+	$(BIN)/python -m tests.bench.accelerations
 
 # What each pattern sees: docs/gallery.md and its pictures (two minutes).
 gallery: $(VENV)/installed-dev

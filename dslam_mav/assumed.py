@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dslam_mav.assumptions import Assumptions
+from dslam_mav.calibrated import Calibrated, calibrated_answer
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.errors import BadInputError
 from dslam_mav.legs import FlownLeg, LegCollector, plan_headings_rad
@@ -24,12 +25,15 @@ def visible_plan(assumptions: Assumptions, mission: Mission) -> Mission | None:
     return mission if assumptions.heading != "none" else None
 
 
-def estimator(assumptions: Assumptions, collector: LegCollector, mission: Mission | None) -> Estimator:
+def estimator(
+    assumptions: Assumptions, collector: LegCollector, mission: Mission | None, earlier: Estimate | None = None
+) -> Estimator:
     """The function that live flight and replay call alike.
 
     With `heading` "none" it sees nothing but the flight. "vehicle" adds the legs' mean compass headings from the
     collector, "plan" the planned directions; the answer is then anchored, where the plan is known at its vertex at
-    which the legs begin. BadInputError: assumptions that contradict each other or the flight.
+    which the legs begin. Ambient or noise "hover" adds what the collector has of before the first leg. `earlier`: an
+    answer to begin from. BadInputError: assumptions that contradict each other or the flight.
     """
     try:
         medium = assumptions.medium()
@@ -41,15 +45,22 @@ def estimator(assumptions: Assumptions, collector: LegCollector, mission: Missio
         prior = None
         if assumptions.heading != "none":
             prior = (_headings(assumptions, collector, mission, legs), assumptions.heading_sd_rad)
-        try:
-            result = estimate(
+
+        def answer(calibrated: Calibrated) -> Estimate:
+            return estimate(
                 flown,
                 medium,
                 assumptions.n_sources,
                 method=assumptions.method,
                 heading_prior=prior,
+                ambient_prior=calibrated.ambient,
+                noise_prior=calibrated.noise,
+                start=earlier,
                 seed=assumptions.seed,
             )
+
+        try:
+            result = calibrated_answer(assumptions, collector.standing(legs), answer)
         except ValueError as problem:
             raise BadInputError(f"assumptions: {problem}") from None
         if prior is None or mission is None:

@@ -37,7 +37,8 @@ class Bridge:
     """Readings of `field` for one flight of vehicle `system` along the vertices numbered `vertex_seqs`.
 
     `noise_sd` times normal numbers from `rng` is added, drawn in the order of the readings: the same flight
-    gives the same readings. `link` must be component 158 of the vehicle's system. `where` tells the vehicle's true
+    gives the same readings. `before_s`: how often it is read before the first leg, too, with noise drawn apart. `link`
+    must be component 158 of the vehicle's system. `where` tells the vehicle's true
     place (default: what the vehicle itself believes); `ask_after_s`: how long a stream may be missing before the
     vehicle is asked for it. BadInputError: no legs.
     """
@@ -54,6 +55,7 @@ class Bridge:
         rng: np.random.Generator | None = None,
         name: str = "THERMAL",
         always: bool = False,
+        before_s: float | None = None,
         where: Whereabouts | None = None,
         ask_after_s: float = 2.0,
     ) -> None:
@@ -62,13 +64,14 @@ class Bridge:
         if noise_sd > 0.0 and rng is None:
             raise ValueError("rng: expected a generator to draw noise from, got None")
         self.sent = 0
-        self.missing = 0  # readings the field had no value for
-        self.sampler = Sampler(sampling, vertex_seqs, always=always)
+        self.missing = 0  # readings on legs that the field had no value for
+        self.sampler = Sampler(sampling, vertex_seqs, always=always, before_s=before_s)
         self._link = link
         self._system = system
         self._field = field
         self._noise_sd = noise_sd
         self._rng = rng
+        self._rng_before = None if rng is None or before_s is None else rng.spawn(1)[0]
         self._name = name
         self.where = where or Whereabouts("vehicle")
         self._ask_after_s = ask_after_s
@@ -144,11 +147,13 @@ class Bridge:
         if not len(samples.time_boot_ms):
             return
         values = self._field.read(samples.time_s, samples.place_m)
-        if self._rng is not None:
-            values = values + self._noise_sd * self._rng.standard_normal(len(values))
+        started = self.sampler.started
+        rng = self._rng if started else self._rng_before
+        if rng is not None:
+            values = values + self._noise_sd * rng.standard_normal(len(values))
         for time_ms, value in zip(samples.time_boot_ms, values, strict=True):
             if math.isnan(value):
-                self.missing += 1
+                self.missing += started
                 continue
             on_wire_ms = self._clock.on_wire(int(time_ms))
             self._link.send(readings.to_message(Reading(on_wire_ms, float(value), self._name)))

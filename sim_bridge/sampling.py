@@ -82,12 +82,15 @@ class _Position:
 class Sampler:
     """Follows one flight of the mission whose vertices have the sequence numbers `vertex_seqs`.
 
-    Nothing is read before the first vertex is reached nor after the last, unless `always`. `skipped` counts
+    Nothing is read after the last vertex is reached nor, but every `before_s`, before the first, unless `always`. What
+    is read before has the time 0: how long it is until then nobody knows. `skipped` counts
     readings left out because the vehicle flew faster than whole milliseconds allow, `unplaced` those due while its
     positions did not come: it may have turned meanwhile.
     """
 
-    def __init__(self, sampling: Sampling, vertex_seqs: Sequence[int], *, always: bool = False) -> None:
+    def __init__(
+        self, sampling: Sampling, vertex_seqs: Sequence[int], *, always: bool = False, before_s: float | None = None
+    ) -> None:
         if len(vertex_seqs) < 2 and not always:
             raise BadInputError(f"mission: expected at least 2 waypoints, got {len(vertex_seqs)}")
         self.skipped = self.unplaced = 0
@@ -95,6 +98,7 @@ class Sampler:
         self._sampling = sampling
         self._vertices = tuple(vertex_seqs)
         self._always = always
+        self._before_ms = None if before_s is None else max(1, round(before_s / TICK_S))
         self._at = -1  # index of the vertex reached last
         self._last: _Position | None = None
         self._origin: _Position | None = None  # of the leg
@@ -154,6 +158,11 @@ class Sampler:
         if self._always and self._start_ms is None:
             self._begin_leg(position)
         gap = before is not None and self._gap(before, position)
+        if self._start_ms is None and before is not None and self._before_ms is not None and not gap:
+            step_ms = self._before_ms
+            first_ms = -(-before.time_ms // step_ms) * step_ms
+            early_ms = list(range(max(first_ms, self._read_ms + 1), time_boot_ms, step_ms))
+            return _at_places(early_ms, None, before, position) if early_ms else _NONE
         if before is None or self.finished or self._start_ms is None or time_boot_ms <= before.time_ms:
             return _NONE
         if self._sampling.spacing_m is not None:
@@ -215,8 +224,9 @@ def _rounded(milliseconds: float) -> int:
     return math.floor(milliseconds + 0.5)
 
 
-def _at_places(times_ms: list[int], start_ms: int, before: _Position, after: _Position) -> Samples:
+def _at_places(times_ms: list[int], start_ms: int | None, before: _Position, after: _Position) -> Samples:
     times = np.array(times_ms, dtype=np.int64)
     share = (times - before.time_ms) / max(after.time_ms - before.time_ms, 1)
     place_m = before.place_m + share[:, None] * (after.place_m - before.place_m)
-    return Samples(times, np.asarray((times - start_ms) * TICK_S, np.float64), place_m)
+    time_s = np.zeros(times.size) if start_ms is None else np.asarray((times - start_ms) * TICK_S, np.float64)
+    return Samples(times, time_s, place_m)

@@ -69,7 +69,7 @@ def random_case(
     rng = np.random.default_rng(seed)
     path = star(7, 3, 3.2) if vertices is None else vertices
     path = path - path[:-1].mean(axis=0)
-    position = _places(rng, k_sources)
+    position = random_places(rng, k_sources)
     amplitude = 50.0 * 4.0 ** rng.random(k_sources)
     flight_s = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())  # at 1 √C/s
     age = 1e9 if age_over_flight is None else age_over_flight * flight_s
@@ -103,7 +103,8 @@ def random_case(
     )
 
 
-def _places(rng: np.random.Generator, count: int) -> Array:
+def random_places(rng: np.random.Generator, count: int) -> Array:
+    """(K, 2) in ±BOX, at least APART from each other, in spreads."""
     while True:
         places = rng.uniform(-BOX, BOX, (count, 2))
         apart = np.linalg.norm(places[:, None] - places[None], axis=2) + 10.0 * np.eye(count)
@@ -137,9 +138,9 @@ def judge(case: Case, k_sources: int) -> Judged:
     cost = float(result.residual @ result.residual)
     modes = [result, *result.alternatives]
     listed = [i for i, mode in enumerate(modes) if _in_basin(mode, basin)]
-    errors = [_error(mode, case.position_m) for mode in modes]
+    errors = [matched_error_m(mode, case.position_m) for mode in modes]
     nearest = int(np.nanargmin(errors)) if np.isfinite(errors).any() else 0
-    own = min(listed, key=lambda i: _error(modes[i], basin.state.s), default=nearest)
+    own = min(listed, key=lambda i: matched_error_m(modes[i], basin.state.s), default=nearest)
     mode = modes[own]
     squares = (
         _squares(mode, case.position_m) if np.isfinite(mode.sources.position_m).all() else np.full(k_sources, np.nan)
@@ -227,6 +228,7 @@ def _matching(position: Array, truth: Array) -> list[int]:
     return list(min(permutations(range(len(truth))), key=lambda p: float(((position[list(p)] - truth) ** 2).sum())))
 
 
-def _error(mode: Estimate, truth: Array) -> float:
+def matched_error_m(mode: Estimate, truth: Array) -> float:
+    """RMS over the sources, each matched to one of the truth's (K, 2) in the same gauge; NaN without positions."""
     position = mode.sources.position_m
     return float(np.sqrt(((position[_matching(position, truth)] - truth) ** 2).sum(axis=1).mean()))

@@ -21,7 +21,7 @@ SEEN = "errors observations records"  # legs are made of these alone: GPS-denied
 LEGS = f"{BASE} legs legs.plan"
 SIMULATED = "missions sim_bridge sim_bridge.fields"
 READ = "export recordings series"
-ALL = f"{LEGS} {READ} {SIMULATED} assumed assumptions dslam experiments files forecast log mav replay report"
+ALL = f"{LEGS} {READ} {SIMULATED} assumed assumptions calibrated dslam experiments files forecast log mav replay report"
 SWEEP = "sweep sweep.points"
 
 # room: (rooms of ours it may import besides itself, packages of others it may import); a room may have one within
@@ -44,7 +44,8 @@ HOUSE = {
     "experiments.pictures": ("records experiments", "numpy matplotlib PIL"),
     "sweep": ("errors records experiments.pictures sweep.points", "numpy threadpoolctl pyarrow distributed matplotlib"),
     "sweep.points": ("records dslam", "numpy"),
-    "assumed": (f"{LEGS} assumptions dslam", "numpy"),
+    "assumed": (f"{LEGS} assumptions calibrated dslam", "numpy"),
+    "calibrated": ("legs records assumptions", ""),
     "forecast": ("records assumptions dslam", "numpy"),
     "series": ("errors records", "numpy"),
     "recordings": (f"{LEGS} log mav replay series", "numpy"),

@@ -12,6 +12,7 @@ from typing import Any
 
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.errors import BadInputError
+from dslam_mav.legs import FlownLeg, LegCollector
 from dslam_mav.records import Medium
 
 PACKAGES = ("dslam-mav", "numpy", "scipy", "numba", "pymavlink", "mcap")
@@ -34,6 +35,7 @@ def assumptions_from(
     for option, name in (
         ("diffusivity", "diffusivity_m2_s"), ("activation", "activation_s"), ("spread", "spread_m"),
         ("heading", "heading"), ("distance", "distance"), ("method", "method"), ("seed", "seed"),
+        ("noise", "noise"),
     ):  # fmt: skip
         if getattr(options, option, None) is not None:
             given[name] = getattr(options, option)
@@ -99,7 +101,7 @@ def in_words(assumptions: Assumptions) -> dict[str, str]:
     facts = {
         "sources assumed": "found by BIC" if assumptions.n_sources is None else str(assumptions.n_sources),
         "field": "static" if assumptions.static else "evolving",
-        "ambient level": known(assumptions.ambient, ""),
+        "ambient level": _ambient(assumptions.ambient),
         "headings": {"none": "unknown", "vehicle": "compass", "plan": "as planned"}[assumptions.heading],
         "distance along a leg": assumptions.distance or "the first the vehicle offers",
     }
@@ -108,6 +110,8 @@ def in_words(assumptions: Assumptions) -> dict[str, str]:
     else:
         facts["diffusivity μ"] = known(assumptions.diffusivity_m2_s, " m²/s")
         facts["activation time τ"] = known(assumptions.activation_s, " s")
+    if assumptions.noise == "hover":
+        facts["noise"] = "as read standing before leg 1, beside the legs' own"
     if assumptions.ambient_drift_per_s != 0.0:
         facts["ambient drift"] = known(assumptions.ambient_drift_per_s, " a second")
     if assumptions.sensor_lag_s != 0.0:
@@ -117,3 +121,19 @@ def in_words(assumptions: Assumptions) -> dict[str, str]:
     if assumptions.closed:
         facts["path"] = "ends where it began"
     return facts
+
+
+def stood(collector: LegCollector, legs: tuple[FlownLeg, ...]) -> dict[str, str]:
+    """What was read standing before the first leg, as a person reads it; nothing where nothing was."""
+    standing = collector.standing(legs)
+    if standing is None:
+        return {}
+    (noise_sd, _), (level, level_sd) = standing.noise(), standing.level()
+    read = f"{standing.value.size} readings in {standing.seconds:.3g} s"
+    return {"standing before leg 1": f"{read}: noise {noise_sd:.3g}, level {level:.5g} ± {level_sd:.2g}"}
+
+
+def _ambient(level: float | str | None) -> str:
+    if isinstance(level, str):
+        return "as read standing before leg 1"
+    return "estimated" if level is None else f"{level:g}"

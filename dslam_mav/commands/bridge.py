@@ -38,6 +38,7 @@ def run(options: Namespace) -> int:
             legs.sequence,
             noise_sd=readings.noise_sd,
             rng=readings.rng,
+            before_s=readings.before_s,
             where=Whereabouts(options.truth_from, home_of(mission)),
             ask_after_s=vehicle.profile.ask_after_s,
         )

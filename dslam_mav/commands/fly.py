@@ -10,6 +10,7 @@ import numpy as np
 
 from dslam_mav.commands.adaptive_options import check, check_mission
 from dslam_mav.commands.assume import assumptions_from
+from dslam_mav.commands.compass import compared
 from dslam_mav.commands.flying import Setup, fly
 from dslam_mav.commands.folder import flight_folder
 from dslam_mav.commands.live import served
@@ -47,7 +48,7 @@ def run(options: Namespace) -> int:
         with flight_folder(Path(options.out)) as folder:
             outcome = fly(replace(setup, live=live.send if live else None), folder, options, screen)
             try:
-                outcome = write_report(outcome, folder / "report.html")
+                outcome = write_report(compared(outcome), folder / "report.html")
             except DslamError as problem:  # a full disk must not cost the answer
                 outcome = replace(outcome, stopped=outcome.stopped or problem)
     return show(screen, outcome)

@@ -11,7 +11,7 @@ from pathlib import Path
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.adaptive import Flying, steer
-from dslam_mav.commands.assume import in_words
+from dslam_mav.commands.assume import in_words, stood
 from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flight_progress import FlightProgress
@@ -98,7 +98,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
             estimate=crew.onboard.result,
             truth=truth_of(truth, held, flown),
             log=folder / "flight.mcap",
-            facts={**_facts(setup, legs, crew.bridge.sent), **in_words(setup.assumptions)},
+            facts=_facts(setup, legs, crew.bridge.sent) | in_words(setup.assumptions) | stood(collector, flown),
             warnings=(*_missing(setup.readings, crew.bridge), *collector.notes(flown)),
             stopped=stopped,
             assumptions=setup.assumptions,
@@ -147,6 +147,7 @@ def _crew(vehicle: Met, setup: Setup, held: Mission, recorder: Recorder, options
         leg_plan(held).sequence,
         noise_sd=setup.readings.noise_sd,
         rng=setup.readings.rng,
+        before_s=setup.readings.before_s,
         where=Whereabouts(options.truth_from if options.connect else "vehicle", home_of(held)),
         ask_after_s=vehicle.profile.ask_after_s,
     )

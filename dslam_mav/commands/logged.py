@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration
+from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration, stood
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, logged_mission
 from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.settings import with_settings
@@ -21,7 +21,7 @@ from dslam_mav.log.recovered import in_words as recovered_in_words
 from dslam_mav.log.topics import ESTIMATE, PREDICTION, RAW, TRUTH
 from dslam_mav.mission import Mission
 from dslam_mav.recordings import Assumed, Recording, kind_of, open_recording, our_log
-from dslam_mav.records import Truth
+from dslam_mav.records import Estimate, Truth
 from dslam_mav.records.words import count
 from dslam_mav.replay import Replayed
 from missions.plan_file import read_plan
@@ -96,11 +96,11 @@ def _mission(
     return logged_mission(log.attachments[MISSION_ATTACHMENT], name, home_item=home_item)
 
 
-def estimate_again(logged: Logged) -> Outcome:
-    """The estimator on the log's readings, as it ran on board."""
+def estimate_again(logged: Logged, start: Estimate | None = None) -> Outcome:
+    """The estimator on the log's readings, as it ran on board; begun from `start`, where one is given."""
     collector = logged.replayed.collector
     plan = None if logged.mission is None else visible_plan(logged.assumptions, logged.mission)
-    run = estimator(logged.assumptions, collector, plan)
+    run = estimator(logged.assumptions, collector, plan, start)
     try:
         result = run(logged.replayed.flight, logged.replayed.legs)
     except BadInputError as problem:
@@ -130,6 +130,7 @@ def outcome_of(logged: Logged) -> Outcome:
     facts = {
         "readings": f"{replayed.flight.n_readings:,} on {count(len(replayed.legs), 'leg')}, from {logged.path.name}",
         **in_words(logged.assumptions),
+        **stood(replayed.collector, replayed.legs),
         "distance along a leg": ", ".join(sorted(modes)),
     }
     truth = truth_of(logged.truth, logged.mission, replayed.legs)

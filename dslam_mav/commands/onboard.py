@@ -10,7 +10,7 @@ from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.adaptive import Flying, steer
 from dslam_mav.commands.adaptive_options import check, check_mission
-from dslam_mav.commands.assume import assumptions_from, in_words
+from dslam_mav.commands.assume import assumptions_from, in_words, stood
 from dslam_mav.commands.attached import as_logged, attach, predict
 from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
@@ -90,7 +90,7 @@ def _listen(
             estimate=onboard.result,
             truth=None,
             log=out,
-            facts=in_words(assumptions),
+            facts={**in_words(assumptions), **stood(collector, collector.legs(final=True))},
             warnings=collector.notes(collector.legs(final=True)),
             stopped=stopped or worker.error,
         )

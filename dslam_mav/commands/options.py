@@ -37,9 +37,12 @@ SEED = number(int, 0, "a whole number, 0 or more")
 N_SOURCES = number(int, 1, f"a whole number from 1 to {MAX_SOURCES}, or auto", most=MAX_SOURCES)
 
 
-def or_auto(parse: Callable[[str], float]) -> Callable[[str], float | str]:
-    """What `parse` takes, or the word auto."""
-    return lambda text: "auto" if text == "auto" else parse(text)
+def or_auto(parse: Callable[[str], float], *others: str) -> Callable[[str], float | str]:
+    """What `parse` takes, or the word auto, or one of `others`."""
+    return lambda text: text if text in ("auto", *others) else parse(text)
+
+
+AMBIENT = or_auto(number(float, -1e300, "a number, auto or hover"), "hover")
 
 
 def assumptions(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +52,15 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--spread", metavar="M", type=POSITIVE, help="√C of a static field, for μ and τ")
     group.add_argument("--diffusivity", metavar="M2_S", type=POSITIVE, help="μ of the medium")
     group.add_argument("--activation", metavar="S", type=ANY, help="τ, seconds from the start of the first leg")
-    group.add_argument("--ambient", metavar="VALUE|auto", type=or_auto(ANY), help="ambient level (default: auto)")
+    group.add_argument(
+        "--ambient", metavar="VALUE|auto|hover", type=AMBIENT,
+        help="ambient level; hover: as read where the vehicle stood before its first leg, out of the sources' reach "
+        "(default: auto)",
+    )  # fmt: skip
+    group.add_argument(
+        "--noise", choices=("legs", "hover"),
+        help="hover: the readings' noise as the vehicle stood before its first leg tells it, too (default: legs alone)",
+    )  # fmt: skip
     group.add_argument(
         "--ambient-drift",
         metavar="PER_S|auto",

@@ -19,6 +19,7 @@ from dslam_mav.records import Estimate, Flight, Prediction, Truth
 from dslam_mav.report.table import result_json
 
 if TYPE_CHECKING:
+    from dslam_mav.report.beside import Beside
     from dslam_mav.report.foreseen import Background
 
 PAGES = (".html", ".htm")
@@ -29,6 +30,7 @@ class Outcome:
     """What a flight came to. `stopped` is what ended it early; what was learnt until then is shown first.
 
     `prediction` is what the log says was expected of it; `under_way` are legs flown and what was known after them.
+    `compass`: the answer with it and without.
     """
 
     flight: Flight
@@ -43,6 +45,7 @@ class Outcome:
     mission: Mission | None = None
     prediction: Prediction | None = None
     under_way: tuple[tuple[int, Estimate], ...] = ()
+    compass: Beside | None = None
 
     def with_estimate(self, estimate: Estimate) -> Outcome:
         """The same with this estimate."""
@@ -105,7 +108,8 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
         warnings = (f"the flight ended early: {outcome.stopped or 'it was interrupted'}", *warnings)
     title = title_of(outcome.log)
     background = background_of(outcome, outcome.estimate)
-    page = render(ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings, background))
+    data = ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings, background)
+    page = render(replace(data, compass=outcome.compass))
     write_whole(path, page.encode())
     return replace(outcome, report=path)
 

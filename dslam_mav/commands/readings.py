@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from dslam_mav.commands.logged import open_logged
 from dslam_mav.errors import BadInputError
 from dslam_mav.forecast import Sensor
 from dslam_mav.mission import Mission, leg_plan
@@ -40,7 +41,8 @@ class Readings:
     """A field to read along a path, how it is sampled, and what is true of it (None: unknown).
 
     `medium`: what the estimator may be told of the medium. `peak`: a usual source's peak reading above ambient, where
-    it is known. `notes`: what a person must be told.
+    it is known. `notes`: what a person must be told. `before_s`: how often it is read before the first leg as well;
+    None where what was recorded tells nothing of then.
     """
 
     field: Field
@@ -55,6 +57,7 @@ class Readings:
     attachment: tuple[str, str, bytes] | None = None
     peak: float | None = None
     notes: tuple[str, ...] = ()
+    before_s: float | None = None
 
     @property
     def sensor(self) -> Sensor:
@@ -138,13 +141,15 @@ def _from_scene(
     vertices = vertices[:, : scene.medium.dimensions]
     seed = scene.seed if given_seed is None else given_seed
     known = truth(scene, vertices)
+    speed_m_s = speed_m_s or scene.sampling.speed_m_s
+    interval_s = scene.sampling.interval_s or (scene.sampling.spacing_m or 0.0) / speed_m_s
     flat = Truth(known.source_position_m[:, :2], known.amplitude, known.vertices_m[:, :2])
     return Readings(
         field=SceneField(scene),
         sampling=Sampling(scene.sampling.spacing_m, scene.sampling.interval_s),
         noise_sd=scene.noise_sd(vertices),
         rng=np.random.default_rng(seed),
-        speed_m_s=speed_m_s or scene.sampling.speed_m_s,
+        speed_m_s=speed_m_s,
         vertices_m=vertices,
         truth=flat if scene.medium.dimensions == 2 else None,
         medium=scene.estimator_medium(),
@@ -152,6 +157,7 @@ def _from_scene(
         attachment=("scene.json", "application/json", encode_scene(scene)),
         peak=scene.usual_peak(),
         notes=(IN_SPACE.format(path.name),) if scene.medium.dimensions == 3 else (),
+        before_s=interval_s,
     )
 
 
@@ -212,7 +218,24 @@ def _first_and_last(text: str, path: Path) -> tuple[int, int]:
     return int(parts[0]), int(parts[-1])
 
 
+def _from_leg_1(path: Path, series: Series) -> Series:
+    """A flight's readings from its first leg on: those of before were read standing, or on the way. A log knows where
+    it began, a table of times below zero counts from there.
+    """
+    begun_s = _leg_1_begun_s(path) if path.suffix.lower() == ".mcap" else 0.0
+    own = series.time_s >= begun_s
+    return replace(series, time_s=series.time_s[own], value=series.value[own]) if own.sum() > 1 else series
+
+
+def _leg_1_begun_s(path: Path) -> float:
+    try:
+        return open_logged(path, Namespace()).replayed.legs[0].zero_ms / 1000.0
+    except BadInputError:
+        return -np.inf  # a log without legs
+
+
 def _from_series(path: Path, series: Series, vertices_m: Array | None, speed_m_s: float | None) -> Readings:
+    series = _from_leg_1(path, series)
     if vertices_m is None:
         raise BadInputError(f"{path}: logged readings have no path of their own: give a PLAN to fly")
     speed = speed_m_s or 5.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dslam_mav.assumptions import Assumptions
+from dslam_mav.commands.compass import with_compass
 from dslam_mav.commands.live import check, play, served
 from dslam_mav.commands.logged import as_flown, estimate_again, open_logged
 from dslam_mav.commands.outcome import PAGES, show, write_report
@@ -38,7 +39,7 @@ def _again(screen: Screen, options: Namespace) -> Path:
     with screen.progress("estimating"):
         outcome = estimate_again(logged)
     if options.report:
-        outcome = write_report(outcome, Path(options.report))
+        outcome = write_report(with_compass(logged, outcome), Path(options.report))
     try:
         show(screen, outcome)
     except DslamError as problem:

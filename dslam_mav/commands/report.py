@@ -6,6 +6,7 @@ import re
 from argparse import Namespace
 from pathlib import Path
 
+from dslam_mav.commands.compass import with_compass
 from dslam_mav.commands.logged import Logged, as_flown, open_logged
 from dslam_mav.commands.outcome import PAGES, page_beside, write_report
 from dslam_mav.commands.screen import Screen
@@ -28,7 +29,7 @@ def run(options: Namespace) -> int:
         page = Path(options.output) if options.output else page_beside(path, _said_otherwise(logged, options))
         check_output(page)
         replaced = page.exists()
-        write_report(as_flown(logged), page)
+        write_report(with_compass(logged, as_flown(logged)), page)
     screen.say(f"{page}, in place of the one that was there" if replaced else str(page))
     screen.result({"reports": [{"log": str(path), "report": str(page)}]})
     return 0

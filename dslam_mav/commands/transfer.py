@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
 from dslam_mav.mav.frames import COMPONENT_GROUND, SYSTEM_GROUND
 from dslam_mav.mav.link import Link, wait_for_vehicle
+from dslam_mav.mav.mission.suit import suited
+from dslam_mav.mav.mission.talk import Talk
 from dslam_mav.mav.mission.transfer import clear, download, start, upload
 from dslam_mav.mav.position import stands_at
-from dslam_mav.mav.profile import profile_named
-from dslam_mav.mission import home_of, leg_plan
+from dslam_mav.mav.profile import profile_named, profile_of
+from dslam_mav.mission import Mission, home_of, leg_plan
 from dslam_mav.records.words import count
 from missions.plan_file import check_plan_output, read_plan, write_plan
 
@@ -27,11 +30,12 @@ def run_upload(options: Namespace) -> int:
         screen.warn(note)
     with _ground(options, screen) as link:
         system = wait_for_vehicle(link, options.timeout)
+        mission = _with_holds(link, system, plan.mission, options.hold, screen)
         with screen.progress("mission upload") as advance:
             held = upload(
                 link,
                 system,
-                plan.mission,
+                mission,
                 lambda done, total: advance("mission upload", done, total, f"{done} of {count(total, 'item')}"),
             )
         legs = leg_plan(held)
@@ -41,7 +45,7 @@ def run_upload(options: Namespace) -> int:
             f"{count(len(legs.lengths_m), 'leg')}, {length_m:.1f} m (read back and compared)"
         )
         if options.start:
-            stands_at(link, system, home_of(plan.mission), ARMING_PATIENCE_S)
+            stands_at(link, system, home_of(mission), ARMING_PATIENCE_S)
             start(link, system, ARMING_PATIENCE_S)
             screen.say(f"Vehicle {system} flies it")
     screen.result(
@@ -54,6 +58,22 @@ def run_upload(options: Namespace) -> int:
         }
     )
     return 0
+
+
+def _with_holds(link: Link, system: int, mission: Mission, hold_s: float | None, screen: Screen) -> Mission:
+    """The mission as `fly` sends it: stopped at its corners as the autopilot needs it, or for `hold_s`. A plan that has
+    holds of its own keeps them.
+    """
+    autopilot, vehicle_type = Talk(link, system).autopilot()
+    profile = link.profile or profile_of(autopilot)
+    if hold_s is None and any(item.params[0] > 0.0 for _, item in mission.waypoints()):
+        hold_s = 0.0
+    if hold_s is not None:
+        profile = replace(profile, corner_hold_s=hold_s)
+    mission, notes = suited(mission, profile, vehicle_type)
+    for note in notes:
+        screen.say(f"{note[0].upper()}{note[1:]}")
+    return mission
 
 
 def run_download(options: Namespace) -> int:

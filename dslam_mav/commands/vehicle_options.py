@@ -5,7 +5,7 @@ from __future__ import annotations
 from dslam_mav.commands import options as shared
 from dslam_mav.commands.command import Commands, add_command
 from dslam_mav.commands.live_options import live
-from dslam_mav.commands.options import COUNT, POSITIVE, SEED
+from dslam_mav.commands.options import COUNT, NOT_NEGATIVE, POSITIVE, SEED
 
 
 def add_vehicle(commands: Commands) -> None:
@@ -20,6 +20,11 @@ def _transfer(commands: Commands) -> None:
         "star.plan --connect udpout:127.0.0.1:14550 --start", ("transfer", "run_upload"),
     )  # fmt: skip
     upload.add_argument("plan", metavar="PLAN", help=".plan or .waypoints")
+    upload.add_argument(
+        "--hold", metavar="S", type=NOT_NEGATIVE,
+        help="the least wait at each corner, that legs are straight; 0: as drawn (default: as fly has it, 1 for "
+        "ArduPilot and PX4, unless the plan has holds of its own)",
+    )  # fmt: skip
     upload.add_argument("--start", action="store_true", help="then arm the vehicle and start the mission")
     shared.vehicle_link(upload)
     download = add_command(

@@ -191,6 +191,7 @@ def _diagnostics(answers: Answers, state: State, cost: float) -> dict[str, Any]:
         "systematic_share": level.systematic_share,
         "priors_noise_sd": answers.problem.known.noise_sd * answers.unit.reading,
         "extent": state.extent,
+        "noise_measured": level.measured,
     }
 
 

@@ -35,7 +35,7 @@ class Noise:
     """The residuals' level: `variance` to weigh errors with, and whether the model's misfit stands out from noise.
 
     `inside` and `outside` are mean squares per degree of freedom inside the span of what sources can do to a leg, and
-    outside of it; white residuals have them equal.
+    outside of it; white residuals have them equal. `measured`: noise measured elsewhere counts to the latter.
     """
 
     variance: float
@@ -43,6 +43,7 @@ class Noise:
     outside: float
     p_value: float
     systematic_share: float
+    measured: bool = False
 
     @property
     def misfit(self) -> bool:
@@ -84,23 +85,44 @@ def too_few(flight: Flight, n_parameters: int, k_sources: int) -> str | None:
     return None
 
 
-def noise(cost: float, n: int, n_parameters: int, outside: tuple[float, int], span: float) -> Noise:
-    """Test the residuals for whiteness; `outside` is (energy, freedom) beyond the legs' bases, `span` max − min."""
+def noise(
+    cost: float,
+    n: int,
+    n_parameters: int,
+    outside: tuple[float, int],
+    span: float,
+    elsewhere: tuple[float, float] = (0.0, 0.0),
+) -> Noise:
+    """Test the residuals for whiteness; `outside` is (energy, freedom) beyond the legs' bases, `span` max − min.
+
+    `elsewhere` is (energy, freedom) of the same noise where no source changes it; it is left out where the readings
+    outside the bases say that it is not the same.
+    """
     energy_out, dof_out = outside
     dof = max(n - n_parameters, 1)
-    pooled = max(cost / dof, 1e-300)
     dof_in = dof - dof_out
-    if dof_out < 5 or dof_in < 5:
-        return Noise(pooled, pooled, pooled, 1.0, 0.0)
-    s_out = max(energy_out / dof_out, 1e-300)
+    measured = elsewhere[1] > 0.0 and (dof_out < 5 or _alike(outside, elsewhere))
+    more_energy, more_dof = elsewhere if measured else (0.0, 0.0)
+    pooled = max((cost + more_energy) / (dof + more_dof), 1e-300)
+    dof_known = dof_out + more_dof
+    if dof_known < 5 or dof_in < 5:
+        return Noise(pooled, pooled, pooled, 1.0, 0.0, measured)
+    s_out = max((energy_out + more_energy) / dof_known, 1e-300)
     s_in = max((cost - energy_out) / dof_in, 0.0)
     p_value = float(
-        fdtrc(dof_in, dof_out, s_in / s_out)
+        fdtrc(dof_in, dof_known, s_in / s_out)
     )  # survival of the F distribution; scipy.stats loads for a second
     share = float(np.sqrt(max(s_in - s_out, 0.0) * dof_in / n)) / max(span, 1e-300)
     if p_value < MISFIT_P_VALUE:
-        return Noise(s_out + MISFIT_WIDENING * (s_in - s_out), s_in, s_out, p_value, share)
-    return Noise(pooled, s_in, s_out, p_value, share)
+        return Noise(s_out + MISFIT_WIDENING * (s_in - s_out), s_in, s_out, p_value, share, measured)
+    return Noise(pooled, s_in, s_out, p_value, share, measured)
+
+
+def _alike(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two (energy, freedom) may be of one noise, by an F-test to both sides."""
+    a, b = (max(energy / freedom, 1e-300) for energy, freedom in (one, other))
+    above, below = fdtrc(one[1], other[1], a / b), fdtrc(other[1], one[1], b / a)
+    return bool(min(above, below) >= 0.5 * MISFIT_P_VALUE)
 
 
 def unseen(flight: Flight, ambient: float | None, best: Estimate) -> str | None:

@@ -22,7 +22,7 @@ from dslam_mav.dslam.arguments import check, check_count, hopeless, usable
 from dslam_mav.dslam.certify import MISFIT_MATTERS, MISFIT_P_VALUE, too_few
 from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.paper.options import PaperOptions
-from dslam_mav.dslam.priors import Priors, priors_of
+from dslam_mav.dslam.priors import Priors, measured, priors_of
 from dslam_mav.dslam.problem import problem, steadied
 from dslam_mav.dslam.solve import Task, solve
 from dslam_mav.dslam.state import layout
@@ -64,6 +64,8 @@ def estimate(
     closed_sd_m: float | None = None,
     known_points: Mapping[int, ArrayLike] | None = None,
     heading_prior: tuple[ArrayLike, float] | None = None,
+    ambient_prior: tuple[float, float] | None = None,
+    noise_prior: tuple[float, float] | None = None,
     start: Estimate | None = None,
     seed: int = 0,
 ) -> Estimate:
@@ -72,9 +74,11 @@ def estimate(
     `n_sources` None: found by BIC, at most `max_sources`. `closed_sd_m`: the path ends where it began, give or take
     this (for `flight.closed` the default is a thousandth of the path). `known_points`: vertex index -> its place (d,).
     `heading_prior`: headings (L,) in radians, counter-clockwise from east, and their standard deviation; the answer
-    is then anchored to them, its first vertex at (0, 0) unless points are known. `start`: an earlier estimate of the
-    same flight, with fewer legs or as many, to begin from. `seed` makes the search repeatable bit for bit.
-    `method` "paper" is the paper's algebra step by step, with its options `paper`; it knows no heading prior. Raises
+    is then anchored to them, its first vertex at (0, 0) unless points are known. `ambient_prior`: the ambient level and
+    its standard deviation, where `medium.ambient` is None. `noise_prior`: a reading's standard deviation as measured
+    where no source changes it, and its degrees of freedom; left out where the legs contradict it. `start`: an earlier
+    estimate of the same flight, with fewer legs or as many, to begin from. `seed` makes the search repeatable bit for
+    bit. `method` "paper" is the paper's algebra step by step, with its options `paper`; it knows no such priors. Raises
     ValueError for impossible arguments.
     """
     check(flight, medium, method, start, seed)
@@ -87,10 +91,17 @@ def estimate(
     if paper is not None and not isinstance(paper, PaperOptions):
         raise ValueError(f"paper: expected PaperOptions or None, got {type(paper).__name__}")
     if method == "paper":
-        if heading_prior is not None:
-            raise ValueError('heading_prior: the paper\'s algebra has none; expected None with method="paper"')
+        for name, prior in (
+            ("heading_prior", heading_prior), ("ambient_prior", ambient_prior), ("noise_prior", noise_prior)
+        ):  # fmt: skip
+            if prior is not None:
+                raise ValueError(f'{name}: the paper\'s algebra has none; expected None with method="paper"')
         return _by_paper(flight, medium, n_sources, max_sources, paper, closed_sd_m is not None, known_points)
     priors = priors_of(flight, medium.dimensions, closed_sd_m, known_points, heading_prior)
+    if ambient_prior is not None and medium.ambient is not None:
+        raise ValueError(f"ambient_prior: expected None with medium.ambient {medium.ambient:g} known")
+    level, noise = measured("ambient_prior", ambient_prior), measured("noise_prior", noise_prior)
+    priors = replace(priors, ambient=level, noise=noise)
     question = _Question(flight, medium, priors, usable(start), seed)
     # Sums in another order end in other bits: one BLAS thread, whatever the machine has. It is also faster here.
     with _threads().limit(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):

@@ -133,10 +133,10 @@ def factored(jacobian: Array, damping: float) -> tuple[Array | None, Array]:
 def _plain(prob: Problem) -> bool:
     """Whether the compiled fit knows every unknown and every row of the problem."""
     known = prob.known
-    on_path = (known.heading, known.closed_sd, known.points, known.length_sd, known.corner_sd)
+    others = (known.ambient, known.heading, known.closed_sd, known.points, known.length_sd, known.corner_sd)
     legs_in_plane = prob.basis is None and prob.dimensions == 2 and prob.mix is None
     medium_simple = prob.lag == 0.0 and prob.extent is not None and prob.drift is not None
-    return legs_in_plane and medium_simple and all(prior is None for prior in on_path)
+    return legs_in_plane and medium_simple and all(prior is None for prior in others)
 
 
 def _compiled(prob: Problem, start: State, iterations: int) -> Fit:

@@ -13,7 +13,7 @@ from dslam_mav.dslam.path import corners, vertices
 from dslam_mav.dslam.problem import Known, Problem
 from dslam_mav.dslam.state import State
 from dslam_mav.dslam.units import Units
-from dslam_mav.records import Flight
+from dslam_mav.records import Flight, Leg
 from dslam_mav.records.arrays import finite, number, read_only
 
 Array = NDArray[np.float64]
@@ -25,6 +25,8 @@ AGE_LOG_SD = 1.0  # … this standard deviation of its logarithm
 USUAL_LAG = 0.02  # of the flight: where an unknown lag is looked for, …
 LAG_LOG_SD = 2.0  # … give or take this standard deviation of its logarithm
 EXTENT_SD = 0.3
+BESIDE_MATTERS = 1e-3  # of a leg: legs that begin nearer to their lines begin on them
+OVERSHOT_SHARE = 1.0 / 200.0  # of a leg: what a vehicle came back before its end says that it had overshot it
 CLOSED_SHARE = 1e-3  # of the path: how well a path said to be closed closes
 POINT_SHARE = 1e-4  # of the path: how well a known point is known
 LEAST_SD = 1e-6  # of the path, or a radian: as exact as a prior may be
@@ -41,7 +43,9 @@ class Priors:
     """`heading_rad` (L,) with their sd, counter-clockwise from east; `closed_sd_m` of the closure; known points.
 
     `point_index` (M,) vertices lie at `points_m` (M, d); `length_sd_m` (L,) of leg lengths,
-    `corner_sd_m` (L − 1,) of where the next leg begins.
+    `corner_sd_m` (L − 1,) of where the next leg begins, `beside_m` (L − 1,) how far beside its line that is,
+    where the corner was `overshot` (L − 1,) past the leg before. `ambient`: level and standard deviation; `noise`: a
+    reading's standard deviation measured elsewhere, and its degrees of freedom.
     """
 
     heading_rad: Array | None = None
@@ -51,11 +55,15 @@ class Priors:
     points_m: Array | None = None
     length_sd_m: Array | None = None
     corner_sd_m: Array | None = None
+    beside_m: Array | None = None
+    overshot: NDArray[np.bool_] | None = None
+    ambient: tuple[float, float] | None = None
+    noise: tuple[float, float] | None = None
 
     @property
     def any(self) -> bool:
         """Whether anything is known that the readings do not say."""
-        return self.anchored or self.closed_sd_m is not None
+        return self.anchored or self.closed_sd_m is not None or self.ambient is not None
 
     @property
     def anchored(self) -> bool:
@@ -85,8 +93,28 @@ def priors_of(
     index, points = _points(flight, dimensions, known_points, heading is not None)
     lengths = np.array([leg.length_sd_m for leg in flight.legs])
     corner = np.array([leg.corner_sd_m for leg in flight.legs[:-1]])
-    given = [sd if (sd > 0.0).any() else None for sd in (lengths, corner)]
-    return Priors(heading, heading_sd, closed_sd_m, index, points, *given)
+    far = any(leg.beside_m > BESIDE_MATTERS * leg.length_m for leg in flight.legs[1:])
+    beside = np.array([leg.beside_m if far else 0.0 for leg in flight.legs[1:]])
+    overshot = np.array([_overshot(leg) for leg in flight.legs[:-1]], dtype=np.bool_)
+    lengths_sd, corner_sd, beside_m = (each if (each > 0.0).any() else None for each in (lengths, corner, beside))
+    return Priors(heading, heading_sd, closed_sd_m, index, points, lengths_sd, corner_sd, beside_m, overshot)
+
+
+def _overshot(leg: Leg) -> bool:
+    """Whether the leg was flown past its end, and back."""
+    return bool(leg.reading.size) and float(leg.distance_m.max() - leg.distance_m[-1]) > OVERSHOT_SHARE * leg.length_m
+
+
+def measured(name: str, pair: tuple[float, float] | None) -> tuple[float, float] | None:
+    """A pair of a measured number and how well it is known, checked; ValueError names the argument."""
+    if pair is None:
+        return None
+    if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+        raise ValueError(f"{name}: expected two numbers, got {short(pair)}")
+    value, known = (float(number(each, name, "two finite numbers")) for each in pair)
+    if known <= 0.0 or (name == "noise_prior" and value < 0.0):
+        raise ValueError(f"{name}: expected positive numbers, got {short(pair)}")
+    return value, known
 
 
 def _headings(n_legs: int, prior: tuple[ArrayLike, float] | None) -> tuple[Array | None, float]:
@@ -137,9 +165,10 @@ def _check_reach(flight: Flight, index: NDArray[np.int64], points: Array) -> Non
             raise ValueError(f"known_points: expected {wanted}, got {apart:.6g} m")
 
 
-def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: bool = False) -> Problem:
+def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: float = 0.0) -> Problem:
     """With the priors every flight has: on strengths, on the age of a field that hardly evolves, on leg lengths, and,
-    `loose`, on where legs begin.
+    `loose`, on where legs begin: past the corners where it is above 0, before them where it is below, unless these are
+    known to be overshot.
     """
     duration = float(prob.t[-1])
     unaged = prob.rate is None and prob.age is None
@@ -147,10 +176,12 @@ def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loos
     if priors.length_sd_m is not None:
         sd = priors.length_sd_m / unit.length / noise_sd
         lengths = np.where(sd > 0.0, np.maximum(sd, FINEST), 0.0)
-    corner = None
+    corner = beside = None
     if loose and priors.corner_sd_m is not None:
-        sd = priors.corner_sd_m / unit.length / noise_sd
+        sd = abs(loose) * priors.corner_sd_m / unit.length / noise_sd
         corner = np.where(sd > 0.0, np.maximum(sd, FINEST), 0.0)
+        if priors.beside_m is not None and priors.overshot is not None:
+            beside = np.where(priors.overshot, 1.0, np.sign(loose)) * priors.beside_m / unit.length
     known = Known(
         peak=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd),
         age=(OLDEST_FLIGHTS * duration, AGE_LOG_SD / noise_sd) if unaged else None,
@@ -159,11 +190,12 @@ def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loos
         length_sd=lengths,
         corner_sd=corner,
         noise_sd=noise_sd,
+        beside=beside,
     )
     return replace(prob, known=known)
 
 
-def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: bool = False) -> Problem:
+def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: float = 0.0) -> Problem:
     """With all that is known, weighed against the noise of a reading."""
     prob = bounded(prob, noise_sd, priors, unit, loose=loose)
     heading, points = None, None
@@ -175,7 +207,11 @@ def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, 
     closed = None
     if priors.closed_sd_m is not None:
         closed = max(priors.closed_sd_m / unit.length / noise_sd, FINEST)
-    return replace(prob, known=replace(prob.known, heading=heading, points=points, closed_sd=closed))
+    ambient = None
+    if priors.ambient is not None:
+        level, sd = priors.ambient
+        ambient = (level / unit.reading, max(sd / unit.reading / noise_sd, FINEST))
+    return replace(prob, known=replace(prob.known, heading=heading, points=points, closed_sd=closed, ambient=ambient))
 
 
 def both_sides(prob: Problem, states: Sequence[State]) -> list[State]:

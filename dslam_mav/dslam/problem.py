@@ -21,10 +21,11 @@ class Known:
 
     `heading`: headings (L,) and their sd. `closed_sd`: of the path's end about its start. `points`: vertex indices,
     their places (M, d), their sd. `length_sd` (L,): of leg lengths; 0 is exact. `corner_sd`
-    (L − 1,): of where the next leg begins, along each axis; 0 is exact. `peak`: a source's peak reading beyond
-    the first number costs as the logarithm's excess over the second; without it, ever remoter and stronger sources
-    beside ever straighter paths fit almost anything. `age` likewise: in a field that stands still μ and τ run away
-    together. `lag`: ln of the sensor's time constant and its sd.
+    (L − 1,): of where the next leg begins, along each axis; 0 is exact. `beside` (L − 1,): how far the next leg's line
+    passes from where this one ends, as the corner was overshot, below 0 cut; in units of length. `peak`: a source's
+    peak reading beyond the first number costs as the logarithm's excess over the second; without it, ever remoter and
+    stronger sources beside ever straighter paths fit almost anything. `age` likewise: in a field that stands still μ
+    and τ run away together. `lag`: ln of the sensor's time constant and its sd. `ambient`: the level and its sd.
     """
 
     heading: tuple[Array, float] | None = None
@@ -32,11 +33,13 @@ class Known:
     points: tuple[NDArray[np.int64], Array, float] | None = None
     length_sd: Array | None = None
     corner_sd: Array | None = None
+    beside: Array | None = None
     peak: tuple[float, float] | None = None
     age: tuple[float, float] | None = None
     lag: tuple[float, float] | None = None
     extent_sd: float | None = None
     noise_sd: float = 1.0
+    ambient: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -45,6 +45,8 @@ def _on_sources(prob: Problem, state: State, at: Layout) -> Iterator[Rows]:
         yield older * beyond, columns
     if known.lag is not None and any_in(at.lag):
         yield _single(state.log_lag - known.lag[0], known.lag[1], at.lag, at)
+    if known.ambient is not None and any_in(at.ambient):
+        yield _single(state.ambient - known.ambient[0], known.ambient[1], at.ambient, at)
     if known.extent_sd is not None and any_in(at.extent):
         yield _single(state.extent, known.extent_sd, at.extent, at)
 
@@ -61,7 +63,17 @@ def _on_path(prob: Problem, state: State, at: Layout) -> Iterator[Rows]:
         sds = np.repeat(known.corner_sd[loose], prob.dimensions)
         columns = np.zeros((sds.size, at.size))
         columns[:, at.gap] = np.diag(1.0 / sds)
-        yield state.gap[loose].ravel() / sds, columns
+        gap = state.gap[loose].copy()
+        if known.beside is not None:  # the leg before leads there, whichever way it turned
+            turn = state.theta[loose + 1] - state.theta[loose]
+            beside = np.sign(np.sin(turn)) * known.beside[loose]
+            cos, sin = np.cos(state.theta[loose + 1]), np.sin(state.theta[loose + 1])
+            gap[:, :2] -= beside[:, None] * np.stack([-sin, cos], axis=1)
+            by_heading = beside[:, None] * np.stack([cos, sin], axis=1)
+            for i, j in enumerate(loose):
+                columns[prob.dimensions * i : prob.dimensions * i + 2, at.heading.start + j] = by_heading[i]
+            columns[:, at.heading] /= sds[:, None]
+        yield gap.ravel() / sds, columns
     if known.heading is not None:
         heading, sd = known.heading
         turned = state.theta + state.turn - heading

@@ -30,6 +30,7 @@ NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be e
 FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are believed
 DITHERS = (0.02, 0.01)  # of the readings' range: noise to search with where the model does not fit (theory, section 10)
 FEW = 2  # sources whose answer one such search finds
+LITTLE = 0.2  # of the usual: how far off legs begin that were flown steadily
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +51,8 @@ class Solution:
 class Task:
     """A problem in units of its own, how many sources to find, what is known besides, and where to begin.
 
-    Not `patient`, an answer that leaves more than noise is taken as it is; `loose`, legs may begin beside the corners.
+    Not `patient`, an answer that leaves more than noise is taken as it is; `loose`, legs may begin beside the corners:
+    past them above 0, before them below, and so many times as far off as is usual.
     """
 
     problem: Problem
@@ -60,7 +62,7 @@ class Task:
     extent_free: bool
     start: Estimate | None = None
     patient: bool = True
-    loose: bool = False
+    loose: float = 0.0
 
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
@@ -122,10 +124,10 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
     if found is None or not task.patient:
         return found
     best = found
-    if task.priors.corner_sd_m is not None:
-        loose = _found(replace(task, loose=True), replace(begun, states=found.ends), rng)
-        if loose is not None and _likelier(loose, found):
-            best = loose
+    for loose in _loosenings(task.priors):
+        freer = _found(replace(task, loose=loose), replace(begun, states=best.ends), rng)
+        if freer is not None and _likelier(freer, best):
+            best = freer
     if task.extent_free and best.level.misfit:
         begun = replace(begun, states=(*begun.states, *found.ends))
         shaped = _better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
@@ -133,11 +135,22 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
     return best
 
 
+def _loosenings(priors: Priors) -> tuple[float, ...]:
+    """How legs may begin beside the corners (`Task.loose`), in the order tried: legs that were flown past their ends,
+    or begin on their lines, tell the side themselves.
+    """
+    if priors.corner_sd_m is None:
+        return ()
+    told = priors.beside_m is None or bool(np.all(priors.overshot))
+    sides = (1.0,) if told else (1.0, -1.0)
+    return sides if priors.beside_m is None else (*sides, *(LITTLE * side for side in sides))
+
+
 def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
     prob, fits = _fits(task, begun, rng)
     if not fits:
         return None
-    level = _level(prob, begun, fits[0])
+    level = _level(prob, begun, fits[0], task)
     ends = tuple(f.state for f in fits)
     return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, ends)
 
@@ -208,18 +221,22 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     if not fits or not priors.any:
         return loose, fits
     k_sources = len(fits[0].state.s)
-    sigma = float(np.sqrt(_level(loose, begun, fits[0]).variance))
+    sigma = float(np.sqrt(_level(loose, begun, fits[0], task).variance))
     tight = constrained(prob, sigma, priors, unit, loose=task.loose)
+    # what corners may do is the same with and without headings, also where misfit widens what these weigh
+    tight = replace(tight, known=replace(tight.known, corner_sd=loose.known.corner_sd))
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)
     return tight, raced(tight, both_sides(tight, again))
 
 
-def _level(prob: Problem, begun: Starts, best: Fit) -> Noise:
+def _level(prob: Problem, begun: Starts, best: Fit, task: Task) -> Noise:
     cost = float(best.residual @ best.residual) + prob.outside
     n_parameters = layout(prob, len(best.state.s)).size
-    return noise(cost, prob.n_readings, n_parameters, begun.outside, 1.0)
+    sd, freedom = task.priors.noise or (0.0, 0.0)
+    elsewhere = (freedom * (sd / task.unit.reading) ** 2, freedom)
+    return noise(cost, prob.n_readings, n_parameters, begun.outside, 1.0, elsewhere)
 
 
 def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:

@@ -51,8 +51,9 @@ class Samples:
 class FlownLeg:
     """One leg as flown: readings `value` (N,) at `time_ms` (N,) int64, `distance_m` (N,) along it.
 
-    Times are the vehicle's, unwrapped; `zero_ms` is when the flight began: its first way between two
-    vertices of the plan, flown with the same clock, or without a plan its first leg; used or not.
+    It was flown on a line that passes `beside_m` from where it began. Times are the vehicle's, unwrapped; `zero_ms` is
+    when the flight began: its first way between two vertices of the plan, flown with the same clock, or without a plan
+    its first leg; used or not.
     """
 
     start_seq: int
@@ -65,6 +66,7 @@ class FlownLeg:
     value: Array
     mode: Distance
     zero_ms: int = 0
+    beside_m: float = 0.0
 
 
 def assemble(
@@ -98,7 +100,8 @@ def assemble(
         on_line = slice(None) if placed.straight is None else placed.straight
         chains[-1].append(
             FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m[on_line],
-                     time_ms[inside][on_line], value[inside][on_line], placed.mode)
+                     time_ms[inside][on_line], value[inside][on_line], placed.mode,
+                     beside_m=placed.beside_m)
         )  # fmt: skip
     legs = _choose(chains, ways, counts, planned=plan is not None)
     counts["readings used"] = sum(leg.value.size for leg in legs)

@@ -23,6 +23,7 @@ from dslam_mav.legs.distance import Distance
 from dslam_mav.legs.notes import mean_heading_rad, notes
 from dslam_mav.legs.passing import Event
 from dslam_mav.legs.plan import PlanFacts
+from dslam_mav.legs.standing import Standing, stand_before
 from dslam_mav.legs.under_way import UnderWay, part_flown
 from dslam_mav.observations import GroundSpeed, Observation, Odometry, Progress, Reading, ReadingSeries, Yaw
 from dslam_mav.records import Flight, Leg
@@ -31,6 +32,9 @@ Array = NDArray[np.float64]
 
 CORNER_SHARE = 1.0 / 200.0
 """Of a leg: how far from its end the next one may begin. Optical flow drifts that far over a leg, and more."""
+
+BESIDE_SHARE = 0.25
+"""Of how far beside its line a leg begins: how well that is understood. Corners are not flown round by one rule."""
 
 LATE_READINGS_MS = 3_000
 """How far dead reckoning must be past a leg's end before a leg without later readings counts as complete."""
@@ -179,6 +183,14 @@ class LegCollector:
         """
         with self._lock:
             return np.array([mean_heading_rad(leg, self._samples.yaw) for leg in legs])
+
+    def standing(self, legs: tuple[FlownLeg, ...]) -> Standing | None:
+        """What was read at one place before the first of these legs; None: too little."""
+        with self._lock:
+            rows: Sequence[tuple[float, ...]] = self._samples.odometry or self._samples.speed
+            if not legs or not rows:
+                return None
+            return stand_before(legs[0].start_ms, readings_of(self._samples), np.array(rows, dtype=np.float64))
 
     def _progress(self, progress: Progress) -> None:
         if progress.reached:
@@ -334,9 +346,11 @@ def flight_of(legs: tuple[FlownLeg, ...]) -> Flight:
 
     A leg between others stays without readings.
     """
-    return Flight(tuple(_leg(leg, leg.zero_ms) for leg in legs))
+    besides_m = [*(leg.beside_m for leg in legs[1:]), 0.0]
+    return Flight(tuple(_leg(leg, next_m) for leg, next_m in zip(legs, besides_m, strict=False)))
 
 
-def _leg(leg: FlownLeg, zero_ms: int) -> Leg:
-    time_s = (leg.time_ms - zero_ms) / 1000.0
-    return Leg(leg.length_m, leg.distance_m, time_s, leg.value, corner_sd_m=CORNER_SHARE * leg.length_m)
+def _leg(leg: FlownLeg, next_beside_m: float) -> Leg:
+    time_s = (leg.time_ms - leg.zero_ms) / 1000.0
+    corner_sd_m = math.hypot(CORNER_SHARE * leg.length_m, BESIDE_SHARE * next_beside_m)
+    return Leg(leg.length_m, leg.distance_m, time_s, leg.value, corner_sd_m=corner_sd_m, beside_m=leg.beside_m)

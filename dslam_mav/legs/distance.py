@@ -43,7 +43,7 @@ class Motion:
 class Placed:
     """A leg's believed length, `distance_m` (N,) at the times asked for, and where they are known the metres
     travelled altogether (a leg much shorter than its way was not flown straight) and which readings (N,) its
-    straight part holds.
+    straight part holds. `beside_m`: how far beside that part's line the leg began.
     """
 
     length_m: float
@@ -51,6 +51,7 @@ class Placed:
     mode: Distance
     travelled_m: float | None = None
     straight: NDArray[np.bool_] | None = None
+    beside_m: float = 0.0
 
 
 def place(
@@ -98,9 +99,10 @@ def from_odometry(motion: Motion, duration_s: float, time_s: Array) -> Placed | 
     travelled_m = float(np.sqrt(steps[:, 0] * steps[:, 0] + steps[:, 1] * steps[:, 1]).sum())
     moved = place_m[2:] - place_m[0]
     along_m, across_m = _dot(moved, chord) / length_m, _dot(moved, chord[::-1] * [-1.0, 1.0]) / length_m
-    slope, straight = straight_part(along_m, across_m, length_m)
+    offset_m, slope, straight = straight_part(along_m, across_m, length_m)
     longer = float(np.sqrt(1.0 + slope * slope))
-    return Placed(length_m / longer, (along_m + slope * across_m) / longer, "odometry", travelled_m, straight)
+    distance_m = (along_m + slope * across_m) / longer
+    return Placed(length_m / longer, distance_m, "odometry", travelled_m, straight, abs(offset_m) / longer)
 
 
 def from_velocity(motion: Motion, duration_s: float, time_s: Array) -> Placed | None:

@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ASIDE_SHARE = 1.0 / 80.0
+ASIDE_SHARE = 1.0 / 1000.0
 """Readings farther beside the line than this share of the leg are not of its straight part …"""
 
 ASIDE_MEDIANS = 3.0
-"""… where that is also so many times the median: a leg flown unsteadily has no corners to be told from the rest."""
+"""… where that is also so many times the median, …"""
+
+UNSTEADY_SHARE = 1.0 / 500.0
+UNSTEADY_MEDIANS = 5.0
+"""… or so many where the median is beyond that share: there corners are not told so well from the rest."""
 
 LEAST_SHARE = 0.5
 """A leg of whose readings fewer would stay has no straight part: all stay."""
@@ -25,19 +29,25 @@ LEAST_SHARE = 0.5
 ROUNDS = 6
 
 
-def straight_part(along_m: Array, across_m: Array, length_m: float) -> tuple[float, Mask]:
-    """Of places `along_m` (N,) and `across_m` (N,) from the leg's chord, the slope of the line that most lie on, and
-    which readings (N,) lie on it. Slope 0 and all of them where there is no such line.
+def straight_part(along_m: Array, across_m: Array, length_m: float) -> tuple[float, float, Mask]:
+    """Of places `along_m` (N,) and `across_m` (N,) from the leg's chord, offset at the chord's start and slope of the
+    line that most lie on, and which readings (N,) lie on it: all of them where most lie on none.
     """
     every = np.ones(along_m.size, dtype=np.bool_)
-    slope, on_line = _line(along_m, across_m, every), every
+    line, on_line = _line(along_m, across_m, every), every
     for _ in range(ROUNDS):
-        beside = np.abs(across_m - slope[0] - slope[1] * along_m)
-        near = beside <= max(ASIDE_SHARE * length_m, ASIDE_MEDIANS * float(np.median(beside))) if beside.size else every
+        beside = np.abs(across_m - line[0] - line[1] * along_m)
+        near = beside <= _aside_m(beside, length_m)
         if near.sum() < LEAST_SHARE * near.size or np.array_equal(near, on_line):
             break
-        slope, on_line = _line(along_m, across_m, near), near
-    return slope[1], on_line
+        line, on_line = _line(along_m, across_m, near), near
+    return *line, on_line
+
+
+def _aside_m(beside_m: Array, length_m: float) -> float:
+    median_m = float(np.median(beside_m)) if beside_m.size else 0.0
+    times = ASIDE_MEDIANS if median_m <= UNSTEADY_SHARE * length_m else UNSTEADY_MEDIANS
+    return max(ASIDE_SHARE * length_m, times * median_m)
 
 
 def _line(along_m: Array, across_m: Array, chosen: Mask) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from dslam_mav.dslam.scoring import Score, has_positions, score, truth_in_gauge
 from dslam_mav.records import Estimate, Flight, Truth
 from dslam_mav.records.words import count
 from dslam_mav.report import rows, words
+from dslam_mav.report.beside import Beside
 from dslam_mav.report.field_map import FieldMap, common_window, field_map
 from dslam_mav.report.foreseen import Background, Foreseen, foreseen, realised
 from dslam_mav.report.growth_plot import GrowthPlot, growth_plot
@@ -34,6 +35,7 @@ class ReportData:
     facts: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
     background: Background | None = None
+    compass: Beside | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,7 @@ class Page:
     alternatives: tuple[rows.AlternativeRow, ...]
     fit: tuple[tuple[str, str], ...]
     facts: tuple[tuple[str, str], ...]
+    compass: Beside | None
 
 
 def page_of(data: ReportData) -> Page:
@@ -113,6 +116,7 @@ def page_of(data: ReportData) -> Page:
         alternatives=rows.alternative_rows(estimate) if has_positions(estimate) else (),
         fit=rows.fit_rows(estimate),
         facts=tuple((_capital(str(name)), str(value)) for name, value in data.facts.items()),
+        compass=data.compass,
     )
 
 

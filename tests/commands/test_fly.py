@@ -55,7 +55,7 @@ def test_info_tells_what_is_in_the_log(flown: Any) -> None:
     assert info["duration_s"] > 0.0
     n_readings = len(read_log(flown.log).readings)
     assert info["topics"]["/thermal"] == n_readings
-    assert n_readings == pytest.approx(7 * 32, abs=7)
+    assert n_readings > 7 * 32 + 7, "the sensor is read before the first leg, too"
     assert info["topics"]["/estimate"] >= 1
     lines = run("info", flown.log).out.splitlines()
     assert "complete" in lines[0]
@@ -175,11 +175,9 @@ def test_latest_points_at_the_newest_but_replaces_nobodys_file(tmp_path: Path) -
 
 def test_a_plan_and_logged_readings(flown: Any, tmp_path: Path) -> None:
     """What one flight read, played back by time on the same plan: the same field."""
-    readings = [reading for _, reading in read_log(flown.log).readings]
-    start_ms = readings[0].time_boot_ms
-    rows = [f"{(r.time_boot_ms - start_ms) / 1e3:.3f},{r.value:.6f}" for r in readings]
     csv = tmp_path / "flown.csv"
-    csv.write_text("seconds,temperature\n" + "\n".join(rows) + "\n")
+    assert run("export", flown.log, "--to", "csv", "-o", csv).code == 0
+    csv.write_text(csv.read_text().replace("time_s,value", "seconds,temperature", 1))
     for more in (("--readings", csv, "--columns", "time_s=seconds,value=temperature"), ("--readings", flown.log)):
         logs = tmp_path / f"logs{len(str(more))}"
         done = run("fly", flown.plan, *more, "--sources", 2, "--out", logs, "--speedup", 60, "--json")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from random_scenes import INSIDE_95, random_case
 
-from dslam_mav import Flight, Medium, Verdict, estimate
+from dslam_mav import Flight, Leg, Medium, Verdict, estimate
 from dslam_mav.dslam.field import field
 
 MEDIUM = Medium(spread_m=1.0, static=True)
@@ -72,6 +72,41 @@ def test_the_answer_names_the_corners_it_found_loose(answers):
     named = [sum(name.startswith("corner") for name in result.parameter_names) for _, result, _ in answers]
     assert set(named) <= {0, 12}
     assert named.count(12) >= 9
+
+
+@pytest.mark.parametrize("overshot", [True, False])
+def test_corners_flown_past_or_before_are_told_by_how_far_legs_begin_beside_their_lines(overshot):
+    """The vehicle stops past every corner, on the line it came by, or leaves that before: the next leg's line passes
+    there by a distance its own dead reckoning knows.
+    """
+    errors = []
+    for seed in SEEDS:
+        case = random_case((4712, seed), 2, 40.0)
+        rng = np.random.default_rng((seed, 2))
+        past = 0.1 if overshot else -0.1
+        legs = _flown_past(case, past, rng)
+        plain = Flight(tuple(replace(leg, beside_m=0.0) for leg in legs))
+        errors.append([np.linalg.norm(_off(estimate(f, MEDIUM, 2), case.position_m)[0]) for f in (plain, Flight(legs))])
+    isotropic, told = np.median(errors, axis=0)
+    assert told < 0.6 * isotropic
+
+
+def _flown_past(case, past, rng) -> tuple[Leg, ...]:
+    """Legs measured from where the last one ended, `past` the corner; their lines lead from corner to corner."""
+    at, legs, came = np.zeros(2), [], None
+    for leg, heading in zip(case.flight.legs, case.heading_rad, strict=True):
+        way = np.array([np.cos(heading), np.sin(heading)])
+        before = np.zeros(2) if came is None else past * came
+        begun, beside = float(before @ way), abs(float(before[0] * way[1] - before[1] * way[0]))
+        length = leg.length_m + past - begun
+        s = np.linspace(0.0, length, leg.distance_m.size)
+        if past > 0.0:  # and back a little
+            s[-3:] = length + np.array([0.06, 0.04, 0.02])
+        place = at + (begun + s)[:, None] * way
+        noisy = field(place, 1.0, case.position_m, case.amplitude) + case.noise_sd * rng.standard_normal(s.size)
+        legs.append(Leg(length, s, leg.time_s, noisy, corner_sd_m=CORNER_SD, beside_m=beside))
+        at, came = at + leg.length_m * way, way
+    return tuple(legs)
 
 
 def test_exact_corners_stay_exact():

@@ -105,14 +105,17 @@ def test_a_slow_sensor_settles_on_a_step_as_an_exponential():
 
 def _knowing(prob, known):
     headings = (np.linspace(0.0, 5.0, prob.n_legs), 0.2)
+    corners = max(prob.n_legs - 1, 0)
     points = (np.array([0, 2, 5]), np.arange(3.0 * prob.dimensions).reshape(3, -1), 0.3)
     kinds = {
         "nothing": Known(),
         "headings": Known(heading=headings),
+        "ambient": Known(ambient=(0.3, 0.2)),
         "closed": Known(closed_sd=0.4),
         "points": Known(points=points),
         "lengths": Known(length_sd=np.where(np.arange(prob.n_legs) % 2, 0.1, 0.0)),
-        "corners": Known(corner_sd=np.where(np.arange(max(prob.n_legs - 1, 0)) % 3, 0.1, 0.0), closed_sd=0.4),
+        "corners": Known(corner_sd=np.where(np.arange(corners) % 3, 0.1, 0.0), closed_sd=0.4),
+        "beside": Known(corner_sd=np.full(corners, 0.1), beside=np.linspace(-0.3, 0.4, corners)),
         "strengths": Known(peak=(1e-3, 0.7), age=(1e-3, 2.0), lag=(0.2, 0.5)),
     }
     return replace(prob, known=kinds[known])
@@ -121,10 +124,11 @@ def _knowing(prob, known):
 CASES = [
     *(("legs", medium, "nothing") for medium in MEDIA),
     *(("legs", "evolving, nothing known", known)
-      for known in ("headings", "closed", "points", "lengths", "corners", "strengths")),
+      for known in ("headings", "closed", "points", "lengths", "corners", "beside", "ambient", "strengths")),
     *((kind, medium, known) for kind in ("parametric", "climbs known", "climbs free")
       for medium, known in (("spread known", "points"), ("evolving, one activation each", "closed"))),
     ("climbs free", "spread known", "corners"),
+    ("climbs known", "spread known", "beside"),
 ]  # fmt: skip
 
 

@@ -16,8 +16,9 @@ def leg_with_corner(slope: float, swing_m: float) -> np.ndarray:
 
 @given(st.floats(-0.03, 0.03), st.floats(1.0, 4.0), st.sampled_from([1.0, -1.0]))
 def test_the_line_is_that_of_the_straight_part(slope, swing_m, side):
-    found, straight = straight_part(ALONG, side * leg_with_corner(slope, swing_m), 40.0)
-    assert abs(found - side * slope) < 8e-3
+    offset_m, found, straight = straight_part(ALONG, side * leg_with_corner(slope, swing_m), 40.0)
+    assert abs(found - side * slope) < 2e-3
+    assert abs(offset_m + side * slope * 20.0) < 0.05
     assert not straight[ALONG < 1.0].any()
     assert straight[ALONG > 10.0].all()
 
@@ -25,21 +26,21 @@ def test_the_line_is_that_of_the_straight_part(slope, swing_m, side):
 @given(st.floats(-0.03, 0.03), st.floats(0.0, 4.0))
 def test_mirrored_it_is_the_same_to_the_last_bit(slope, swing_m):
     across = leg_with_corner(slope, swing_m)
-    found, straight = straight_part(ALONG, across, 40.0)
-    mirrored, also = straight_part(ALONG, -across, 40.0)
-    assert mirrored == -found
+    *line, straight = straight_part(ALONG, across, 40.0)
+    *mirrored, also = straight_part(ALONG, -across, 40.0)
+    assert [-each for each in mirrored] == line
     assert np.array_equal(straight, also)
 
 
 def test_a_straight_leg_and_an_unsteady_one_keep_all_readings():
-    assert straight_part(ALONG, np.zeros(400), 40.0)[1].all()
+    assert straight_part(ALONG, np.zeros(400), 40.0)[2].all()
     swaying = 1.5 * np.sin(ALONG)
-    assert straight_part(ALONG, swaying, 40.0)[1].all()
+    assert straight_part(ALONG, swaying, 40.0)[2].all()
 
 
 def test_hardly_any_readings_are_a_leg_all_the_same():
     for n in (0, 1, 2):
-        slope, straight = straight_part(ALONG[:n], np.zeros(n), 40.0)
-        assert slope == 0.0
+        offset_m, slope, straight = straight_part(ALONG[:n], np.zeros(n), 40.0)
+        assert offset_m == slope == 0.0
         assert straight.shape == (n,)
         assert straight.all()
