@@ -65,7 +65,8 @@ def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, re
 class Answers:
     """The distinct fits of a problem, best first, and what is needed to tell what they are worth.
 
-    The problem is in units of its own; `freedom_inside` are the numbers the legs can carry at most.
+    The problem is in units of its own; `freedom_inside` are the numbers the legs can carry at most; `loose`: how legs
+    may begin beside the corners (`solve.Task`).
     """
 
     problem: Problem
@@ -74,6 +75,7 @@ class Answers:
     freedom_inside: int
     unit: Units
     priors: Priors
+    loose: float
 
 
 def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
@@ -192,6 +194,7 @@ def _diagnostics(answers: Answers, state: State, cost: float) -> dict[str, Any]:
         "priors_noise_sd": answers.problem.known.noise_sd * answers.unit.reading,
         "extent": state.extent,
         "noise_measured": level.measured,
+        "corners_loose": answers.loose,
     }
 
 

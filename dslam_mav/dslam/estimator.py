@@ -151,7 +151,9 @@ def _with_k(question: _Question, k_sources: int, *, patient: bool = True) -> Est
     solved = solve(task, np.random.default_rng(question.seed))
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
-    answers = Answers(solved.problem, solved.fits, solved.level, solved.freedom_inside, unit, question.priors)
+    answers = Answers(
+        solved.problem, solved.fits, solved.level, solved.freedom_inside, unit, question.priors, solved.loose
+    )  # fmt: skip
     result = assemble(flight, medium, answers)
     return doubted(result, steadied(flight, result.medium.ambient_drift_per_s or 0.0), question.priors)
 

@@ -108,7 +108,7 @@ def _problem(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad:
     if heading_sd_rad is not None:
         heading = (estimate.path.heading_rad - estimate.path.heading_rad[0], max(heading_sd_rad, LEAST_SD))
     priors = priors_of(flight, prob.dimensions, None, None, heading)
-    loose = any(name.startswith("corner") for name in estimate.parameter_names)
+    loose = float(estimate.diagnostics.get("corners_loose", 0.0))
     weighed = float(estimate.diagnostics.get("priors_noise_sd", estimate.noise_sd))  # as the fit took the noise to be
     return constrained(prob, weighed / unit.reading, priors, unit, loose=loose), unit
 

@@ -37,7 +37,7 @@ LITTLE = 0.2  # of the usual: how far off legs begin that were flown steadily
 class Solution:
     """The problem with all that is known of it, its distinct fits, best first, and the residuals' level.
 
-    `ends`: where all fits ended that were not far behind.
+    `ends`: where all fits ended that were not far behind; `loose`: as the task had it.
     """
 
     problem: Problem
@@ -45,6 +45,7 @@ class Solution:
     level: Noise
     freedom_inside: int
     ends: tuple[State, ...]
+    loose: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,7 +153,7 @@ def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | No
         return None
     level = _level(prob, begun, fits[0], task)
     ends = tuple(f.state for f in fits)
-    return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, ends)
+    return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, ends, task.loose)
 
 
 def _likelier(one: Solution, other: Solution) -> bool:
