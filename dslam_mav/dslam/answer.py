@@ -118,8 +118,8 @@ def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
 
 
 def _told_by_readings(prob: Problem) -> Problem:
-    """Without the prior on strength along a curve: where answers are a continuum, it alone would bound some of them."""
-    return prob if prob.basis is None else replace(prob, known=replace(prob.known, peak=None))
+    """Without the prior on strength: where answers are a continuum, it alone would bound some of them."""
+    return replace(prob, known=replace(prob.known, peak=None))
 
 
 def _level(prob: Problem) -> bool:
@@ -177,14 +177,15 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
         residual=_residual(flight, medium, state, unit),
         gauge="anchored" if answers.priors.anchored else "canonical",
         unseen_directions=certify.unseen_in_words(info, names),
-        diagnostics=_diagnostics(answers, state, cost),
+        diagnostics=_diagnostics(answers, state, cost, f.cost + prob.outside - cost),
     )
 
 
-def _diagnostics(answers: Answers, state: State, cost: float) -> dict[str, Any]:
+def _diagnostics(answers: Answers, state: State, cost: float, priors_cost: float) -> dict[str, Any]:
     level = answers.level
     return {
         "cost": cost,
+        "priors_cost": priors_cost,
         "n_readings": answers.problem.n_readings,
         "freedom_inside": answers.freedom_inside,
         "residual_inside_sd": float(np.sqrt(level.inside)) * answers.unit.reading,

@@ -163,11 +163,13 @@ def _reconsidered(question: _Question, result: Estimate) -> Estimate:
     sources that cool.
     """
     told = result.diagnostics
-    if "cost" not in told or result.verdict is Verdict.NOT_IDENTIFIABLE:
+    if "cost" not in told:
         return result
     doubtful = result.verdict is Verdict.NOT_CONVERGED or told["whiteness_p"] < MISFIT_P_VALUE
     if doubtful and not question.medium.static:
         return _or_standing(question, result)
+    if result.verdict is Verdict.NOT_IDENTIFIABLE:
+        return result
     if doubtful and result.verdict is not Verdict.NOT_CONVERGED and _drifts(question, result):
         others = tuple(replace(other, verdict=Verdict.MODEL_MISFIT) for other in result.alternatives)
         return replace(result, verdict=Verdict.MODEL_MISFIT, reason=DRIFTING, alternatives=others)
@@ -262,7 +264,8 @@ def _mendable(result: Estimate) -> bool:
 
 def _more_is_better(few: Estimate, more: Estimate) -> bool:
     """Whether n ln(cost) + P ln(n/K) is lower with more sources, both with the larger model's n and K: an unknown is
-    told by its own source's share of the readings.
+    told by its own source's share of the readings. The cost is the priors' too: noise is often best explained by a
+    monstrous source far away.
 
     Residuals that may not be white (the larger model's, at 5 %) count as the numbers the legs can carry, not as
     readings: otherwise sources are added to mend the model's own misfit.
@@ -274,7 +277,8 @@ def _more_is_better(few: Estimate, more: Estimate) -> bool:
     if b["whiteness_p"] < DOUBTFUL_P:
         n = min(n, float(b["freedom_inside"]))
     extra = (_free(more) - _free(few)) * np.log(n / len(more.sources))
-    return bool(n * np.log(max(b["cost"], 1e-300) / max(a["cost"], 1e-300)) + extra < 0.0)
+    before, after = (max(told["cost"] + told["priors_cost"], 1e-300) for told in (a, b))
+    return bool(n * np.log(after / before) + extra < 0.0)
 
 
 def _free(result: Estimate) -> int:

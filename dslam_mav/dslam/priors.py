@@ -18,7 +18,7 @@ from dslam_mav.records.arrays import finite, number, read_only
 
 Array = NDArray[np.float64]
 
-PLAUSIBLE_PEAK = 3.0  # times the readings' range: a stronger source must have been kept a spread away from …
+PLAUSIBLE_PEAK = 1.0  # times the readings' range: a stronger source must have been kept away from …
 PEAK_LOG_SD = 0.8  # … and the logarithm of what it has beyond costs by this standard deviation
 OLDEST_FLIGHTS = 30.0  # flights: an older field stands still as far as one can tell; beyond it age costs by …
 AGE_LOG_SD = 1.0  # … this standard deviation of its logarithm
@@ -212,6 +212,16 @@ def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, 
         level, sd = priors.ambient
         ambient = (level / unit.reading, max(sd / unit.reading / noise_sd, FINEST))
     return replace(prob, known=replace(prob.known, heading=heading, points=points, closed_sd=closed, ambient=ambient))
+
+
+def eased(prob: Problem, factor: float) -> Problem:
+    """With what is known of the frame, of the path's end and of the ambient level so many times less sure."""
+    known = prob.known
+    heading = None if known.heading is None else (known.heading[0], known.heading[1] * factor)
+    points = None if known.points is None else (known.points[0], known.points[1], known.points[2] * factor)
+    closed = None if known.closed_sd is None else known.closed_sd * factor
+    ambient = None if known.ambient is None else (known.ambient[0], known.ambient[1] * factor)
+    return replace(prob, known=replace(known, heading=heading, points=points, closed_sd=closed, ambient=ambient))
 
 
 def both_sides(prob: Problem, states: Sequence[State]) -> list[State]:

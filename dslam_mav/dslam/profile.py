@@ -8,7 +8,8 @@ not: valleys bend, flatten and run past folds into a neighbour's. Along the dire
 is the profile likelihood (Bates and Watts, "Nonlinear Regression Analysis and Its Applications", 1988, section 6.1.2),
 and its minimiser x(u) the curve the answer is unsure along. ∫(x − x̂)(x − x̂)ᵀ e^{−χ²(u)/2} du, normed, stands for what
 F⁻¹ says of that direction. No covariance is made smaller: F⁻¹ is the floor, and where a direction is straight its share
-is left as it is.
+is left as it is. Only where F⁻¹ reaches farther than `LONG_SPREADS` says it nothing, and the walk alone counts: beside
+a leg's line a source is d off, its readings change with d², and at d = 0 they have no slope at all.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ STRAIGHT = 0.03  # share by which χ² may leave the parabola at the first step,
 ENOUGH = 9.0  # Δχ² beyond which nothing is left
 SADDLE = 1.0  # Δχ² over which a fall leads into another answer's basin
 FALL = 0.3
+LONG_SPREADS = 0.5  # a linear model says nothing that far away
 FARTHEST_SPREADS = 2.0  # that far, a place is no place
+BLIND_SPREADS = 1e3  # beyond, nothing but rounding bounds a place
 MOST_PARTS = 6  # of a step: beyond, the linear model says nothing
 REFITS = 3
 SETTLED = 0.3  # in χ²: what a further refit may gain
@@ -96,41 +99,50 @@ class _Ground:
 def second_moment(prob: Problem, state: State, at: Layout, covariance: Array, variance: float) -> Array:
     """(P, P) mean square of the unknowns about the answer `state`, in the problem's units; at least `covariance`, F⁻¹.
 
-    `variance` of a reading. F⁻¹ itself where a place is not bounded: no walk would end; and for parametric paths: the
-    prior on strength, which bounds some of their answers, is no part of their F.
+    `variance` of a reading. F⁻¹ itself where no walk would end, a place being bounded by nothing; and for parametric
+    paths: the prior on strength, which bounds some of their answers, is no part of their F.
     """
+    if not np.isfinite(covariance).all():
+        return covariance
     values, vectors = np.linalg.eigh(covariance[at.place, at.place])
-    if prob.basis is not None or not 0.0 < values[0] <= values[-1] < (FARTHEST_SPREADS * state.spread) ** 2:
+    if prob.basis is not None or not 0.0 < values[0] <= values[-1] < (BLIND_SPREADS * state.spread) ** 2:
         return covariance
     ground = _Ground(prob, at, float(np.sqrt(variance)))
     start = ground.point(state, np.zeros(at.size))
-    total = covariance
+    floor = total = covariance
     for value, vector in list(zip(values, vectors.T, strict=True))[: -DIRECTIONS - 1 : -1]:
         way = np.zeros(at.size)
         way[at.place] = vector
         slope = covariance @ way / np.sqrt(value)  # of the linear answer, a standard deviation along
-        walked = _both_sides(ground, start, way, slope)
+        share = min(1.0, LONG_SPREADS * state.spread / float(np.sqrt(value)))
+        walked, ended = _both_sides(ground, start, way, share * slope)
+        if share < 1.0 and not ended:
+            return covariance
         if walked is not None:
             total = total + walked - np.outer(slope, slope)
-    return covariance if total is covariance else _at_least(covariance, total)
+            floor = floor - (1.0 - share**2) * np.outer(slope, slope)
+    return covariance if total is covariance or not np.isfinite(total).all() else _at_least(floor, total)
 
 
-def _both_sides(ground: _Ground, start: _Point, way: Array, slope: Array) -> Array | None:
-    """(P, P) second moment along the profile through `start`; None where χ² is a parabola."""
+def _both_sides(ground: _Ground, start: _Point, way: Array, slope: Array) -> tuple[Array | None, bool]:
+    """(P, P) second moment along the profile through `start`, None where χ² is a parabola; and whether it ends."""
     first = [_settled(ground, ground.beyond(start, sign * STEP_SDS * slope), way) for sign in (1.0, -1.0)]
     rises = np.array([point.chi2 - start.chi2 for point in first])
     if (np.abs(rises - STEP_SDS**2) < STRAIGHT * STEP_SDS**2).all():
-        return None
-    points = [(0.0, start.away)]
+        return None, True
+    points, ended = [(0.0, start.away)], True
     for point in first:
-        points += _walk(ground, start, point, way)
+        walked, there = _walk(ground, start, point, way)
+        points, ended = points + walked, ended and there
     rise, away = np.array([r for r, _ in points]), np.array([a for _, a in points])
     weight = np.exp(-0.5 * (rise - rise.min()))
-    return np.asarray((away.T * (weight / weight.sum())) @ away)
+    return np.asarray((away.T * (weight / weight.sum())) @ away), ended
 
 
-def _walk(ground: _Ground, start: _Point, there: _Point, way: Array) -> list[tuple[float, Array]]:
-    """(Δχ², how far) of equally spaced points of the profile, to where nothing is left or another basin begins."""
+def _walk(ground: _Ground, start: _Point, there: _Point, way: Array) -> tuple[list[tuple[float, Array]], bool]:
+    """(Δχ², how far) of equally spaced points of the profile, to where nothing is left or another basin begins; and
+    whether it came there before it had gone too far.
+    """
     points: list[tuple[float, Array]] = []
     here, highest = start, 0.0
     for _ in range(MOST_STEPS):
@@ -142,7 +154,7 @@ def _walk(ground: _Ground, start: _Point, there: _Point, way: Array) -> list[tup
         if rise > ENOUGH or abs(float(way @ there.away)) > FARTHEST_SPREADS * start.state.spread:
             break
         here, there = there, _settled(ground, ground.beyond(there, there.away - here.away), way)
-    return points
+    return points, highest > SADDLE
 
 
 def _settled(ground: _Ground, here: _Point, way: Array) -> _Point:

@@ -19,10 +19,19 @@ CRAWLING = 8  # of the best: taken on by Newton's steps where they have not sett
 FAR_BEHIND = 40.0  # in χ², after them
 
 
-def raced(prob: Problem, states: Sequence[State]) -> list[Fit]:
-    """Fits from all states, best first: after a few iterations those far behind, or where another is, give up."""
+def raced(prob: Problem, states: Sequence[State], eased: Sequence[Problem] = ()) -> list[Fit]:
+    """Fits from all states, best first: after a few iterations those far behind, or where another is, give up.
+
+    `eased`: the same problem with less and less slack in what is known of it, for states that do not keep to that yet.
+    """
+
+    def begun(state: State) -> Fit:
+        for easier in eased:
+            state = fit(easier, state, iterations=HEAT).state
+        return fit(prob, state, iterations=HEAT)
+
     with ThreadPoolExecutor(THREADS) as threads:
-        pool = list(threads.map(lambda state: fit(prob, state, iterations=HEAT), states))
+        pool = list(threads.map(begun, states))
     ordered = sorted((f for f in pool if np.isfinite(f.cost)), key=lambda f: f.cost)
     kept: list[Fit] = []
     for f in ordered:

@@ -13,7 +13,7 @@ from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.media import apart
-from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, lone_starts
+from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, eased, lone_starts
 from dslam_mav.dslam.problem import Known, Problem, alike
 from dslam_mav.dslam.race import raced
 from dslam_mav.dslam.reduce import binned, reduced
@@ -30,6 +30,8 @@ NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be e
 FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are believed
 DITHERS = (0.02, 0.01)  # of the readings' range: noise to search with where the model does not fit (theory, section 10)
 FEW = 2  # sources whose answer one such search finds
+EASES = (100.0, 10.0)  # answers of the readings alone are led to what else is known by so much slack at first
+SAME_ANSWER_SPREADS = 0.2
 LITTLE = 0.2  # of the usual: how far off legs begin that were flown steadily
 
 
@@ -77,7 +79,8 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
         known = resumed(seen, task.start, task.unit)
         if known:
             warm = _solved(task, warm_starts(seen, task.k_sources, known, rng), coarse, rng)
-            if warm is not None and warm.fits[0].converged and not warm.level.misfit:
+            settled = warm is not None and warm.fits[0].converged and not warm.level.misfit
+            if warm is not None and settled and _led_on(seen, known, warm.fits[0].state):
                 return warm
     begun = begin(task.problem, coarse, task.k_sources, rng)
     solved = _solved(task, begun, coarse, rng)
@@ -98,6 +101,13 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
         again = _solved(task, replace(begun, states=states), coarse, rng)
         solved = again if again is not None and again.fits[0].converged >= solved.fits[0].converged else solved
     return solved
+
+
+def _led_on(prob: Problem, known: Sequence[State], best: State) -> bool:
+    """Whether the best answer is where one of those known leads: one that a single round found has better ones beside
+    it.
+    """
+    return any(apart(prob, fit(prob, state).state, best) < SAME_ANSWER_SPREADS * best.spread for state in known)
 
 
 def _with_ages(task: Task, begun: Starts, solved: Solution, coarse: Problem, rng: np.random.Generator) -> Solution:
@@ -229,7 +239,7 @@ def _fits(task: Task, begun: Starts, rng: np.random.Generator) -> tuple[Problem,
     again = [f.state for f in fits]
     if k_sources == 1 and prob.n_legs and prob.dimensions == 2:
         again += lone_starts(prob, priors, fits[0].state, rng)
-    return tight, raced(tight, both_sides(tight, again))
+    return tight, raced(tight, both_sides(tight, again), [eased(tight, factor) for factor in EASES])
 
 
 def _level(prob: Problem, begun: Starts, best: Fit, task: Task) -> Noise:
