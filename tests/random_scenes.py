@@ -191,15 +191,20 @@ def bound_at_truth(case: Case) -> float:
 
 def truth_fit(case: Case) -> fitting.Fit:
     """The joint fit started at the truth."""
-    prob = posing.problem(case.flight, case.medium)
+    prob = _with_own_prior(case)
     return fitting.settled(prob, fitting.fit(prob, _truth(case, prob)))
 
 
-def truth_basin(case: Case) -> fitting.Fit:
-    """The fit that small steps from the truth lead to, with the estimate's own prior on monstrous sources."""
+def _with_own_prior(case: Case) -> posing.Problem:
+    """The case's problem as the estimate has it: with its prior on monstrous sources, at the case's own noise."""
     prob = posing.problem(case.flight, case.medium)
     peak = PLAUSIBLE_PEAK * float(np.ptp(prob.y))
-    prob = replace(prob, known=posing.Known(peak=(peak, PEAK_LOG_SD / case.noise_sd)))
+    return replace(prob, known=posing.Known(peak=(peak, PEAK_LOG_SD / case.noise_sd)))
+
+
+def truth_basin(case: Case) -> fitting.Fit:
+    """The fit that small steps from the truth lead to."""
+    prob = _with_own_prior(case)
     state = _truth(case, prob)
     at = layout(prob, len(state.s))
     for _ in range(FLOW_STEPS):
