@@ -135,7 +135,9 @@ def judge(case: Case, k_sources: int) -> Judged:
     result = estimate(case.flight, case.medium, k_sources)
     seconds = time.perf_counter() - begun
     best, basin = truth_fit(case), truth_basin(case)
-    cost = float(result.residual @ result.residual)
+    told = result.diagnostics
+    of_priors = told["priors_cost"] / told["cost"] if told.get("cost") else 0.0
+    cost = float(result.residual @ result.residual) * (1.0 + of_priors)
     modes = [result, *result.alternatives]
     listed = [i for i, mode in enumerate(modes) if _in_basin(mode, basin)]
     errors = [matched_error_m(mode, case.position_m) for mode in modes]

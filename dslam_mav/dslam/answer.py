@@ -80,9 +80,8 @@ class Answers:
 
 def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     """The best fit as an Estimate with the others as its alternatives."""
-    each = [(_one(flight, medium, answers, f), f) for f in answers.fits]
-    each.sort(key=lambda one: not certify.bounded(one[0].position_covariance_m2, one[0].spread_m))
-    (best, chosen), others = each[0], [e for e, _ in each[1:]]
+    best, *others = (_one(flight, medium, answers, f) for f in answers.fits)
+    chosen = answers.fits[0]
     verdict, reason = certify.verdict(
         answers.level, best.position_covariance_m2, best.spread_m, len(others), chosen.converged
     )

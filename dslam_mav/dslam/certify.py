@@ -142,11 +142,6 @@ def unseen(flight: Flight, ambient: float | None, best: Estimate) -> str | None:
     return f"No source is seen: a constant level of {level:.3g} explains the readings as well."
 
 
-def bounded(blocks: Array, spread: float) -> bool:
-    """Whether every source's place (K, d, d) is known to two spreads; such answers come before those that are not."""
-    return bool(np.sqrt(np.linalg.eigvalsh(blocks).max()) < UNIDENTIFIED_SD_SPREADS * spread)
-
-
 def verdict(level: Noise, blocks: Array, spread: float, n_alternatives: int, converged: bool) -> tuple[Verdict, str]:
     """The first that applies of NOT_CONVERGED, NOT_IDENTIFIABLE, MODEL_MISFIT, AMBIGUOUS, IDENTIFIED, and why."""
     if not converged:
