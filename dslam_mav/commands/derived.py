@@ -48,7 +48,8 @@ def write_derived(logged: Logged, estimate: Estimate, settings: Sequence[str], c
         with Recorder(beside) as recorder:
             last_ns = _content(recorder, logged)
             recorder.attach(PROVENANCE_ATTACHMENT, "application/json", _provenance(logged, settings, columns))
-            recorder.estimate(last_ns, estimate, len(logged.replayed.legs), final=True)
+            legs, flight = logged.replayed.legs, logged.replayed.flight
+            recorder.estimate(last_ns, estimate, len(legs), final=True, flight=flight)
         beside.rename(path)
     except LogError as problem:  # the file that says so is gone
         told = str(problem).replace(str(beside), str(path)).removesuffix(LOG_ENDS)
