@@ -56,10 +56,14 @@ class Assumed:
 
 
 class Recording(Protocol):
-    """What a file holds of a flight. `mission`: as the vehicle held it, None where the file has none."""
+    """What a file holds of a flight. `mission`: as the vehicle held it, None where the file has none. `begun_ns`: when
+    its first packet came, since 1970; None where the file does not tell.
+    """
 
     @property
     def mission(self) -> Mission | None: ...  # noqa: D102
+    @property
+    def begun_ns(self) -> int | None: ...  # noqa: D102
 
     def flight(self, mission: Mission | None, assumed: Assumed) -> Replayed:
         """The flight along `mission`; BadInputError says in one line what the file lacks."""
@@ -116,6 +120,11 @@ class OurLog:
     log: FlightLog
     mission: Mission | None = None
 
+    @property
+    def begun_ns(self) -> int | None:
+        """By the clock on board."""
+        return self.log.frames[0][0] if self.log.frames else None
+
     def flight(self, mission: Mission | None, assumed: Assumed) -> Replayed:
         """The flight in its packets."""
         plan = None if mission is None else plan_facts(mission)
@@ -133,6 +142,11 @@ class Telemetry:
     frames: list[Frame]
     mission: Mission | None
 
+    @property
+    def begun_ns(self) -> int | None:
+        """By the ground station's clock."""
+        return self.frames[0].received_ns if self.frames else None
+
     def flight(self, mission: Mission | None, assumed: Assumed) -> Replayed:
         """The flight in its frames."""
         plan = assumed.plan(mission, self.mission)
@@ -143,7 +157,9 @@ class Telemetry:
 
 
 class OnBoard:
-    """ArduPilot's own log."""
+    """ArduPilot's own log, whose clock begins at power-on."""
+
+    begun_ns = None
 
     def __init__(self, path: Path) -> None:
         """BadInputError: it cannot be read."""
@@ -169,7 +185,9 @@ class OnBoard:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Readings in a CSV file, with the places they were taken at or without."""
+    """Readings in a CSV file, with the places they were taken at or without. Its times begin anywhere."""
+
+    begun_ns = None
 
     path: Path
     series: Series

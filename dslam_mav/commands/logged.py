@@ -6,6 +6,7 @@ import contextlib
 import json
 from argparse import Namespace
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -30,6 +31,7 @@ PROVENANCE_ATTACHMENT = "provenance.json"
 RECORDING_ATTACHMENT = "recording"
 """Followed by the ending of a file of others that a log was made of."""
 
+_CLOCK_SET_S = datetime(2000, 1, 1, tzinfo=UTC).timestamp()  # clocks that nobody set begin in 1970 or 1980
 _TOPICS = (RAW, ESTIMATE, PREDICTION, TRUTH)  # all that is used here; an hour's readings take a second to decode
 
 
@@ -117,6 +119,12 @@ def as_flown(logged: Logged) -> Outcome:
     return estimate_again(logged)
 
 
+def _begun_s(recording: Recording) -> float | None:
+    """When it was flown, seconds since 1970; None where no clock that was set tells."""
+    begun_ns = recording.begun_ns
+    return None if begun_ns is None or begun_ns < _CLOCK_SET_S * 1e9 else begun_ns / 1e9
+
+
 def outcome_of(logged: Logged) -> Outcome:
     """The flight's outcome, still without an estimate."""
     replayed = logged.replayed
@@ -142,6 +150,7 @@ def outcome_of(logged: Logged) -> Outcome:
         logged.path,
         facts,
         tuple(warnings),
+        begun_s=_begun_s(logged.recording),
         assumptions=logged.assumptions,
         mission=logged.mission,
         prediction=None if then is None else then.prediction,

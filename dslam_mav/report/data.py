@@ -162,7 +162,7 @@ def _tiles(data: ReportData, result: Score | None) -> tuple[Tile, ...]:
             "Readings",
             f"{flight.n_readings:,}",
             "",
-            f"on {count(len(flight.legs), 'leg')}, {_length(flight)}",
+            f"on {count(len(flight.legs), 'leg')}, {_length(flight)}{_time(flight)}",
         ),
     ]
     if result is not None:
@@ -202,6 +202,12 @@ def _snr_note(flight: Flight, estimate: Estimate) -> str:
 
 def _length(flight: Flight) -> str:
     return f"{significant(float(flight.lengths_m.sum()), 3)} m" if flight.legs else "0 m"
+
+
+def _time(flight: Flight) -> str:
+    """From the first reading to the last."""
+    legs = [leg.time_s for leg in flight.legs if leg.time_s.size]
+    return f" in {significant(float(legs[-1][-1] - legs[0][0]), 3)}\u00a0s" if legs else ""
 
 
 def _in_spreads(error_m: float, spread_m: float) -> str:
