@@ -38,15 +38,11 @@ class FieldMap:
 
 
 def field_map(estimate: Estimate) -> FieldMap | None:
-    """The field around path and sources at the flight's first reading; None where it is not known.
-
-    Each source's C follows from amplitude and peak, a/p = (πC)^(d/2), whatever the medium. In space the plane
+    """The field around path and sources at the flight's first reading; None where it is not known. In space the plane
     is that of the largest source.
     """
     sources = estimate.sources
-    d = sources.position_m.shape[1]
-    with np.errstate(all="ignore"):
-        spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi
+    d, spread2 = sources.position_m.shape[1], sources.squared_spread_m2
     if not (len(sources) and (spread2 > 0.0).all() and np.isfinite([spread2, sources.amplitude]).all()):
         return None
     around = np.vstack([estimate.path.vertices_m, sources.position_m])[:, :2]

@@ -1,9 +1,9 @@
 """What a second process gains a sweep: `python -m tests.bench.sweeping`.
 
 The same points on one process, then on two, from the first process' start to the last point. Efficiency by the clock is
-t1 / (2 t2), and means something only where nothing else runs. The other does anyway: occupied is the share of their time
-that the processes were at work on points (starting is not work), and CPU what points took of one process over what they
-took of two. Their product is what the sweep itself allows.
+t1 / (2 t2), which means something only where nothing else runs. The other does anyway: occupied is the share of their
+time that the processes were at work on points (starting is not work), and CPU what points took of one process over what
+they took of two. Their product is what the sweep itself allows.
 """
 
 from __future__ import annotations
