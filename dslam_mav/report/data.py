@@ -207,7 +207,10 @@ def _length(flight: Flight) -> str:
 def _time(flight: Flight) -> str:
     """From the first reading to the last."""
     legs = [leg.time_s for leg in flight.legs if leg.time_s.size]
-    return f" in {significant(float(legs[-1][-1] - legs[0][0]), 3)}\u00a0s" if legs else ""
+    if not legs:
+        return ""
+    seconds = float(legs[-1][-1] - legs[0][0])
+    return f" in {significant(seconds)}\u00a0s" if seconds < 600.0 else f" in {significant(seconds / 60.0)}\u00a0min"
 
 
 def _in_spreads(error_m: float, spread_m: float) -> str:
