@@ -85,10 +85,8 @@ def _signals_raise() -> Iterator[None]:
         raise _Ended(number)
 
     numbers = [getattr(signal, name) for name in TOLD_TO_END if hasattr(signal, name)]  # Windows has no SIGHUP
-    before = {number: signal.getsignal(number) for number in numbers}
-    for number, was in before.items():
-        if was is not signal.SIG_IGN:  # as nohup has it
-            signal.signal(number, handler)
+    heard = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]  # nohup ignores SIGHUP
+    before = {number: signal.signal(number, handler) for number in heard}
     try:
         yield
     finally:

@@ -2,8 +2,8 @@
 
 The path (`/path`), sources with their 95 % regions, path and labels (`/scene`), and the reconstructed field
 above ambient at the flight's first reading (`/field`); all of it as points as well, for Rerun, and the readings above
-the path (`/…_points`). An estimate whose positions are NaN draws nothing and takes the last scene off the screen. The
-frame of reference is named by the gauge.
+the path (`/…_points`). An estimate whose positions are NaN draws nothing and takes the last scene and points off the
+screen. The frame of reference is named by the gauge.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from dslam_mav.log import primitives as draw
 from dslam_mav.log.codec import timestamp
 from dslam_mav.log.fieldmap import field_map, grid, point_cloud
-from dslam_mav.log.points import path_points, reading_points, source_points
+from dslam_mav.log.points import cloud, path_points, reading_points, source_points
 from dslam_mav.log.topics import FIELD, FIELD_POINTS, PATH, PATH_POINTS, READING_POINTS, SCENE, SOURCE_POINTS
 from dslam_mav.records import Estimate, Flight
 
@@ -40,6 +40,8 @@ def pictures(time_ns: int, estimate: Estimate, flight: Flight | None = None) -> 
             SCENE,
             SceneUpdate(deletions=[SceneEntityDeletion(timestamp=timestamp(time_ns), type=SceneEntityDeletion.ALL)]),
         )
+        for topic in (PATH_POINTS, SOURCE_POINTS, FIELD_POINTS, READING_POINTS):
+            yield topic, cloud(time_ns, estimate.gauge, np.empty((0, 3)), np.empty(0))
         return
     yield PATH, _path(time_ns, estimate)
     yield (

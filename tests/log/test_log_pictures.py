@@ -151,9 +151,11 @@ def test_readings_stand_above_where_they_were_taken(estimate, legs_flown, dimens
 
 def test_positions_that_are_nan_draw_nothing(nan_estimate, tmp_path):
     drawn = list(pictures(5, nan_estimate()))
-    assert [topic for topic, _ in drawn] == ["/scene"]
+    assert drawn[0][0] == "/scene"
     assert not drawn[0][1].entities
     assert drawn[0][1].deletions[0].type == 1  # what was drawn before disappears
+    assert {topic for topic, _ in drawn[1:]} == {"/path_points", "/source_points", "/field_points", "/reading_points"}
+    assert not any(len(dots(cloud)) for _, cloud in drawn[1:])
 
 
 @pytest.mark.parametrize("value", [np.nan, 0.0, -1.0])
