@@ -162,7 +162,7 @@ def _tiles(data: ReportData, result: Score | None) -> tuple[Tile, ...]:
             "Readings",
             f"{flight.n_readings:,}",
             "",
-            f"on {count(len(flight.legs), 'leg')}, {_length(flight)}{_time(flight)}",
+            f"{count(len(flight.legs), 'leg')}, {_length(flight)}{_time(flight)}",
         ),
     ]
     if result is not None:
