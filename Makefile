@@ -32,6 +32,7 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python -m tests.bench.speed
 	$(BIN)/python -m tests.bench.throughput --speedup 4
 	$(BIN)/python -m tests.bench.replay_hour
+	$(BIN)/python -m tests.bench.sweeping
 	$(BIN)/python -m tests.bench.plans
 	$(BIN)/python -m tests.bench.recorded_fields
 	$(BIN)/python -m tests.bench.recorded

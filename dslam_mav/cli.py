@@ -9,6 +9,7 @@ import importlib
 import io
 import os
 import signal
+import stat
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -26,16 +27,21 @@ from dslam_mav.errors import BadInputError, DslamError
 BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130
-TERMINATED = 143
+TOLD_TO_END = {"SIGTERM": "terminated", "SIGHUP": "the terminal is gone"}  # by signal; the code is 128 and its number
 
 _EXIT_CODES = (
     "exit codes: 0 done, 1 failed while running, 2 bad usage or input, 3 recovered with losses,\n"
-    "130 Ctrl-C, 143 SIGTERM (log closed)"
+    "130 Ctrl-C, 143 SIGTERM, 129 the terminal is gone (log closed)"
 )
 
 
-class _Terminated(KeyboardInterrupt):
-    """SIGTERM: ends a command as Ctrl-C does, with the log closed."""
+class _Ended(KeyboardInterrupt):
+    """A signal that ends a command as Ctrl-C does, with the log closed."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.code = 128 + number
+        self.words = TOLD_TO_END[signal.Signals(number).name]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without √ is no reason to lose a result
     try:
-        with _sigterm_raises():
+        with _signals_raise():
             options = _parser().parse_args(arguments)
             module, function = options.run
             command: Callable[[argparse.Namespace], int] = getattr(
@@ -56,9 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = str(problem)
         sys.stderr.write(text + "\n" if text.startswith(("dslam-mav ", "dslam-mav:")) else f"dslam-mav: {text}\n")
         return BAD_INPUT if isinstance(problem, BadInputError) else FAILED
-    except _Terminated:
-        sys.stderr.write("dslam-mav: terminated\n")
-        return TERMINATED
+    except _Ended as end:
+        sys.stderr.write(f"dslam-mav: {end.words}\n")
+        return end.code
     except KeyboardInterrupt:
         sys.stderr.write("dslam-mav: interrupted\n")
         return INTERRUPTED
@@ -68,19 +74,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 @contextlib.contextmanager
-def _sigterm_raises() -> Iterator[None]:
+def _signals_raise() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread may set handlers
         return
 
     def handler(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - what signal demands
-        raise _Terminated
+        if signal.Signals(number).name == "SIGHUP":
+            _without_terminal()
+        raise _Ended(number)
 
-    before = signal.signal(signal.SIGTERM, handler)
+    numbers = [getattr(signal, name) for name in TOLD_TO_END if hasattr(signal, name)]  # Windows has no SIGHUP
+    heard = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]  # nohup ignores SIGHUP
+    before = {number: signal.signal(number, handler) for number in heard}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, was in before.items():
+            signal.signal(number, was)
+
+
+def _without_terminal() -> None:
+    """What is still said on a terminal that is gone goes nowhere, instead of ending what closes log and report."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for output in (1, 2):
+        if stat.S_ISCHR(os.fstat(output).st_mode):  # isatty denies one that is gone
+            os.dup2(nowhere, output)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -13,14 +13,14 @@ import numpy as np
 
 from dslam_mav.errors import BadInputError
 from dslam_mav.export.table import ReadingTable, reading_table
-from dslam_mav.legs import Distance, plan_facts
+from dslam_mav.legs import Distance
 from dslam_mav.log import reader
 from dslam_mav.log.recovered import Recovered
 from dslam_mav.mission import DEGREES_E7, GLOBAL_FRAMES, Home, Mission, MissionItem, without_home_item
 from dslam_mav.observations import Progress
-from dslam_mav.recordings import Assumed, kind_of, open_recording
+from dslam_mav.recordings import Assumed, kind_of, open_recording, our_log
 from dslam_mav.records import Flight, Leg, Prediction, Truth
-from dslam_mav.replay import flight_from_log, flight_from_packets
+from dslam_mav.replay import Replayed
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -103,18 +103,16 @@ class LoggedFlight:
 
 def read_log(path: Path | str) -> LoggedFlight:
     """The whole of a flight log, cut or complete; BadInputError in one line for what is none."""
-    path = Path(path)
-    log = reader.read_log(path)
-    flown, mission = _flown(log.attachments.get(_CONFIGURATION_ATTACHMENT, b"")), None
-    if _MISSION_ATTACHMENT in log.attachments:
-        try:
-            mission = _mission(log.attachments[_MISSION_ATTACHMENT].decode())
-        except (ValueError, OverflowError) as problem:
-            raise BadInputError(f"{path}: attachment {_MISSION_ATTACHMENT}: {problem}") from None
-        mission = mission if flown.home_item else without_home_item(mission)
+    log, flown = _opened(Path(path))
     held = {field.name: getattr(log, field.name) for field in fields(log) if field.name != "readings"}
-    legs, readings = _legs(log, str(path), mission, flown)
-    return LoggedFlight(**held, readings=readings, legs=legs, mission=mission)
+    try:
+        found = flown.flight(Path(path), log)
+        legs, readings = found.flight.legs, reading_table(found.legs, *found.collector.readings())
+    except BadInputError:  # says what is lacking for legs; all else in the log is worth having without them
+        time_ms = np.array([reading.time_boot_ms for _, reading in log.readings], dtype=np.int64)
+        value = np.array([reading.value for _, reading in log.readings], dtype=np.float64)
+        legs, readings = (), reading_table((), time_ms, value)
+    return LoggedFlight(**held, readings=readings, legs=legs, mission=flown.mission)
 
 
 def read_flight(path: Path | str, *, columns: str | None = None) -> Flight:
@@ -123,8 +121,8 @@ def read_flight(path: Path | str, *, columns: str | None = None) -> Flight:
     """
     path = Path(path)
     if kind_of(path) == "mcap":
-        legs = read_log(path).legs
-        return Flight(legs) if legs else flight_from_log(path).flight
+        log, flown = _opened(path)
+        return flown.flight(path, log).flight
     recording = open_recording(path, columns)
     return recording.flight(recording.mission, Assumed()).flight
 
@@ -138,38 +136,43 @@ def _pandas() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class _Flown:
-    """What a log's configuration says of how it was flown; `home_item`: the vehicle's mission began with home."""
+    """How a log says it was flown: the `mission` as the vehicle held it, and what its configuration assumes."""
 
+    mission: Mission | None
     system: int | None = None
     distance: Distance | None = None
-    home_item: bool = True
+
+    def flight(self, path: Path, log: reader.FlightLog) -> Replayed:
+        """The flight in it; BadInputError says what it lacks."""
+        return our_log(path, log).flight(self.mission, Assumed(self.distance, system=self.system))
 
 
-def _flown(configuration: bytes) -> _Flown:
-    """Of a configuration that is missing or no configuration: nothing."""
+def _opened(path: Path) -> tuple[reader.FlightLog, _Flown]:
+    log = reader.read_log(path)
+    system, distance, home_item = _configured(log.attachments.get(_CONFIGURATION_ATTACHMENT, b""))
+    if _MISSION_ATTACHMENT not in log.attachments:
+        return log, _Flown(None, system, distance)
+    try:
+        mission = _mission(log.attachments[_MISSION_ATTACHMENT].decode())
+    except (ValueError, OverflowError) as problem:
+        raise BadInputError(f"{path}: attachment {_MISSION_ATTACHMENT}: {problem}") from None
+    return log, _Flown(mission if home_item else without_home_item(mission), system, distance)
+
+
+def _configured(configuration: bytes) -> tuple[int | None, Distance | None, bool]:
+    """The vehicle's system, the distances told to use, and whether the vehicle's mission began with home; of a
+    configuration that is missing or none: nothing.
+    """
     try:
         body = json.loads(configuration)
         system, distance = body.get("vehicle_system"), body["assumptions"].get("distance")
     except (ValueError, KeyError, TypeError, AttributeError):
-        return _Flown()
-    return _Flown(
+        return None, None, True
+    return (
         system if type(system) is int else None,
         distance if distance in get_args(Distance) else None,
         body.get("home_item") is not False,
     )
-
-
-def _legs(
-    log: reader.FlightLog, name: str, mission: Mission | None, flown: _Flown
-) -> tuple[tuple[Leg, ...], ReadingTable]:
-    plan = None if mission is None else plan_facts(mission)
-    try:
-        found = flight_from_packets(log.frames, name, plan=plan, distance=flown.distance, system=flown.system)
-    except BadInputError:  # says what is lacking for legs; all else in the log is worth having without them
-        time_ms = np.array([reading.time_boot_ms for _, reading in log.readings], dtype=np.int64)
-        value = np.array([reading.value for _, reading in log.readings], dtype=np.float64)
-        return (), reading_table((), time_ms, value)
-    return found.flight.legs, reading_table(found.legs, *found.collector.readings())
 
 
 def _mission(text: str) -> Mission:

@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from dslam_mav.errors import BadInputError, unreadable
+from dslam_mav.errors import BadInputError
 from dslam_mav.legs import Distance, FlownLeg, LegCollector, PlanFacts, flight_of
-from dslam_mav.log.reader import read_log
-from dslam_mav.log.topics import RAW
 from dslam_mav.mav.decode import READING_NAME, autopilot_system, decode, names_heard
 from dslam_mav.mav.frames import Frame, parse_frame
 from dslam_mav.mav.packets import Gate, Stored, system_frames
-from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.observations import Observation
 from dslam_mav.records import Flight
 from dslam_mav.records.words import count
-
-_MCAP_MAGIC = b"\x89MCAP"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,26 +28,6 @@ class Replayed:
     notes: tuple[str, ...] = ()
 
 
-def flight_from_log(
-    path: Path,
-    *,
-    plan: PlanFacts | None = None,
-    distance: Distance | None = None,
-    yaw: bool = False,
-    system: int | None = None,
-) -> Replayed:
-    """The flight in a flight log (.mcap) or a ground station's telemetry log (.tlog).
-
-    `system` None: the autopilot heard most, of those with readings. BadInputError, one line, says what the log lacks.
-    """
-    path = Path(path)
-    if begins_as_mcap(path):
-        packets = read_log(path, (RAW,)).frames
-        return flight_from_packets(packets, str(path), plan=plan, distance=distance, yaw=yaw, system=system)
-    frames = list(read_tlog(path))
-    return flight_from_frames(frames, str(path), plan=plan, distance=distance, yaw=yaw, system=system)
-
-
 def flight_from_packets(
     packets: Sequence[Stored],
     name: str,
@@ -63,7 +37,10 @@ def flight_from_packets(
     yaw: bool = False,
     system: int | None = None,
 ) -> Replayed:
-    """The flight in the packets that a log called `name` stored: as `flight_from_frames`, but much faster."""
+    """The flight in the packets that a log called `name` stored: as `flight_from_frames`, but much faster.
+
+    `system` None: the autopilot heard most, of those with readings. BadInputError, one line, says what the log lacks.
+    """
     system = autopilot_system(system_frames(packets)) if system is None else system
     if system is None:
         raise BadInputError(f"{name}: {_NO_AUTOPILOT}")
@@ -112,15 +89,6 @@ def flight_of_collector(collector: LegCollector, name: str, heard: Callable[[], 
     if not legs:
         raise BadInputError(f"{name}: {_lack(collector, heard)}")
     return Replayed(flight_of(legs), legs, collector)
-
-
-def begins_as_mcap(path: Path) -> bool:
-    """Whether a file is an MCAP log by its first bytes; BadInputError where it cannot be read."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(_MCAP_MAGIC)) == _MCAP_MAGIC
-    except OSError as problem:
-        raise unreadable(path, problem) from None
 
 
 _NO_AUTOPILOT = "no autopilot: expected HEARTBEAT of a vehicle's component 1"

@@ -18,7 +18,7 @@ from dslam_mav import Estimate, Medium, estimate, read_flight
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.records import Truth
-from dslam_mav.replay import flight_from_log
+from dslam_mav.replay import flight_from_frames
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def flown_path(flight: str) -> Array:
     ]
     time_ms, latitude, longitude = np.array(places).T
     east, north, _ = pymap3d.geodetic2enu(latitude, longitude, 0.0, home[0], home[1], 0.0)
-    legs = flight_from_log(path).legs
+    legs = flight_from_frames(list(read_tlog(path)), path.name).legs
     at_ms = [*(leg.start_ms for leg in legs), legs[-1].end_ms]
     return np.stack([np.interp(at_ms, time_ms, east), np.interp(at_ms, time_ms, north)], axis=1)
 

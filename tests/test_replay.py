@@ -13,12 +13,21 @@ from flown import fly, pack
 from dslam_mav.errors import BadInputError
 from dslam_mav.flight_log import read_flight
 from dslam_mav.legs import PlanFacts
+from dslam_mav.log.reader import read_log
 from dslam_mav.log.recorder import Recorder
+from dslam_mav.log.topics import RAW
 from dslam_mav.mav.frames import Frame, messages
 from dslam_mav.mav.tlog import read_tlog
-from dslam_mav.replay import flight_from_log
+from dslam_mav.replay import Replayed, flight_from_frames, flight_from_packets
 
 FLIGHTS = Path(__file__).parents[2] / "shared" / "data" / "flights"
+
+
+def flight_from_log(path: Path, plan: PlanFacts | None = None) -> Replayed:
+    """The flight in a .mcap or a .tlog."""
+    if path.suffix == ".mcap":
+        return flight_from_packets(read_log(path, (RAW,)).frames, str(path), plan=plan)
+    return flight_from_frames(list(read_tlog(path)), str(path), plan=plan)
 
 
 def tlog(path: Path, frames: list[Frame]) -> Path:

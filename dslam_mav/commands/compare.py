@@ -17,8 +17,6 @@ from dslam_mav.dslam.growth import growth
 from dslam_mav.dslam.scoring import score
 from dslam_mav.errors import BadInputError, DslamError
 from dslam_mav.files import check_output, write_whole
-from dslam_mav.mav.tlog import read_tlog
-from dslam_mav.recordings import kind_of
 from dslam_mav.records.words import count
 from dslam_mav.report.compare import Flown
 from dslam_mav.report.foreseen import realised
@@ -71,7 +69,7 @@ def _flown(path: Path, options: Namespace, judge: Judge, page: Path) -> Flown:
     return Flown(
         log=_name(path),
         link=_link(path, page),
-        start_s=_start_s(path, logged),
+        start_s=outcome.begun_s,
         verdict=estimate.verdict,
         n_sources=len(estimate.sources),
         length_m=float(flight.lengths_m.sum()),
@@ -96,15 +94,6 @@ def _link(path: Path, page: Path) -> str | None:
         return Path(os.path.relpath(own.absolute(), page.absolute().parent)).as_posix()
     except ValueError:
         return None
-
-
-def _start_s(path: Path, logged: Logged) -> float | None:
-    """Seconds since 1970 of the first frame received; None where its clock was never set."""
-    if logged.log is not None and logged.log.frames:
-        first_ns = logged.log.frames[0][0]
-    else:
-        first_ns = next((frame.received_ns for frame in read_tlog(path)), 0) if kind_of(path) == "tlog" else 0
-    return first_ns / 1e9 if first_ns > datetime(2000, 1, 1, tzinfo=UTC).timestamp() * 1e9 else None
 
 
 def _json(path: Path, flight: Flown) -> dict[str, Any]:

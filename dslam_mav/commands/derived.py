@@ -16,14 +16,14 @@ from typing import Any
 
 from dslam_mav.commands.assume import Recorded, configuration
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, attach
-from dslam_mav.commands.logged import PROVENANCE_ATTACHMENT, RECORDING_ATTACHMENT, Logged
+from dslam_mav.commands.logged import Logged
 from dslam_mav.errors import LogError, unwritable
 from dslam_mav.files import check_output
 from dslam_mav.log.reader import read_log
 from dslam_mav.log.recorder import LOG_ENDS, Recorder
 from dslam_mav.mission import leg_plan
 from dslam_mav.observations import Reading
-from dslam_mav.recordings import Telemetry
+from dslam_mav.recordings import PROVENANCE_ATTACHMENT, RECORDING_ATTACHMENT, Telemetry
 from dslam_mav.records import Estimate
 
 MAVLINK_1 = 0xFE
@@ -48,7 +48,8 @@ def write_derived(logged: Logged, estimate: Estimate, settings: Sequence[str], c
         with Recorder(beside) as recorder:
             last_ns = _content(recorder, logged)
             recorder.attach(PROVENANCE_ATTACHMENT, "application/json", _provenance(logged, settings, columns))
-            recorder.estimate(last_ns, estimate, len(logged.replayed.legs), final=True)
+            legs, flight = logged.replayed.legs, logged.replayed.flight
+            recorder.estimate(last_ns, estimate, len(legs), final=True, flight=flight)
         beside.rename(path)
     except LogError as problem:  # the file that says so is gone
         told = str(problem).replace(str(beside), str(path)).removesuffix(LOG_ENDS)

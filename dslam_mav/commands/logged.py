@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 from argparse import Namespace
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
@@ -26,10 +24,7 @@ from dslam_mav.records.words import count
 from dslam_mav.replay import Replayed
 from missions.plan_file import read_plan
 
-PROVENANCE_ATTACHMENT = "provenance.json"
-RECORDING_ATTACHMENT = "recording"
-"""Followed by the ending of a file of others that a log was made of."""
-
+_CLOCK_SET_S = datetime(2000, 1, 1, tzinfo=UTC).timestamp()  # clocks that nobody set begin in 1970 or 1980
 _TOPICS = (RAW, ESTIMATE, PREDICTION, TRUTH)  # all that is used here; an hour's readings take a second to decode
 
 
@@ -61,27 +56,13 @@ def open_logged(path: Path, options: Namespace) -> Logged:
     asked = assumptions_from(options, base=base) if "sources" in options else base or Assumptions()
     assumptions = with_settings(asked, getattr(options, "set", None) or ())
     columns = getattr(options, "columns", None)
-    recording = open_recording(path, columns) if log is None else _ours(path, log, columns)
+    recording = open_recording(path, columns) if log is None else our_log(path, log, columns)
     mission = _mission(path, log, recording, recorded, getattr(options, "plan", None))
     system = None if recorded is None else recorded.vehicle_system
     heading = assumptions.heading
     replayed = recording.flight(mission, Assumed(assumptions.distance, heading == "vehicle", system, heading == "plan"))
     truth = None if log is None else log.truth
     return Logged(path, replayed, mission, assumptions, truth, log, recording, recorded, assumptions != base)
-
-
-def _ours(path: Path, log: FlightLog, columns: str | None) -> Recording:
-    """What a log of ours was recorded from: its packets, or the file of others it was made of."""
-    name = next((name for name in log.attachments if name.startswith(RECORDING_ATTACHMENT)), None)
-    if name is None:
-        return our_log(path, log, columns)
-    if columns is None:
-        with contextlib.suppress(ValueError):
-            columns = json.loads(log.attachments.get(PROVENANCE_ATTACHMENT, b"{}")).get("columns")
-    with TemporaryDirectory() as folder:
-        held = Path(folder) / name
-        held.write_bytes(log.attachments[name])
-        return open_recording(held, columns)
 
 
 def _mission(
@@ -117,6 +98,12 @@ def as_flown(logged: Logged) -> Outcome:
     return estimate_again(logged)
 
 
+def _begun_s(recording: Recording) -> float | None:
+    """When it was flown, seconds since 1970; None where no clock that was set tells."""
+    begun_ns = recording.begun_ns
+    return None if begun_ns is None or begun_ns < _CLOCK_SET_S * 1e9 else begun_ns / 1e9
+
+
 def outcome_of(logged: Logged) -> Outcome:
     """The flight's outcome, still without an estimate."""
     replayed = logged.replayed
@@ -142,6 +129,7 @@ def outcome_of(logged: Logged) -> Outcome:
         logged.path,
         facts,
         tuple(warnings),
+        begun_s=_begun_s(logged.recording),
         assumptions=logged.assumptions,
         mission=logged.mission,
         prediction=None if then is None else then.prediction,

@@ -30,7 +30,7 @@ class Outcome:
     """What a flight came to. `stopped` is what ended it early; what was learnt until then is shown first.
 
     `prediction` is what the log says was expected of it; `under_way` are legs flown and what was known after them.
-    `compass`: the answer with it and without.
+    `compass`: the answer with it and without. `begun_s`: when, since 1970, where a log tells.
     """
 
     flight: Flight
@@ -46,6 +46,7 @@ class Outcome:
     prediction: Prediction | None = None
     under_way: tuple[tuple[int, Estimate], ...] = ()
     compass: Beside | None = None
+    begun_s: float | None = None
 
     def with_estimate(self, estimate: Estimate) -> Outcome:
         """The same with this estimate."""
@@ -106,7 +107,7 @@ def write_report(outcome: Outcome, path: Path) -> Outcome:
     warnings = outcome.warnings
     if outcome.stopped is not None:
         warnings = (f"the flight ended early: {outcome.stopped or 'it was interrupted'}", *warnings)
-    title = title_of(outcome.log)
+    title = title_of(outcome.log, outcome.begun_s)
     background = background_of(outcome, outcome.estimate)
     data = ReportData(outcome.flight, outcome.estimate, outcome.truth, title, facts, warnings, background)
     page = render(replace(data, compass=outcome.compass))

@@ -56,7 +56,7 @@ the file (TOML); what is not said has the value in brackets, and an unknown key 
 or, instead of all these, logs, one row each:
 
   [logs]
-    folder = "logs"           beside the sweep's file; all .mcap and .tlog below it
+    folder = "logs"           beside the sweep's file; all .mcap, .tlog and .bin below it
     methods = ["joint"]       a row for each (joint)
 
   [assume]                    options of replay by their names, e.g. sources = 2, ambient = "auto",

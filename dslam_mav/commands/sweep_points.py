@@ -28,7 +28,7 @@ from missions.patterns import pattern
 from missions.plan_file import read_plan
 from sim_bridge.fields.scene import Noise, Scene, encode_scene
 
-LOG_ENDINGS = (".mcap", ".tlog")
+LOG_ENDINGS = (".mcap", ".tlog", ".bin")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -125,7 +125,7 @@ def _state(prob: Problem, unit: Units, estimate: Estimate) -> State:
     longer[exact] = (over * along).sum(axis=1)[exact]
     gap = over.copy()
     gap[exact] = 0.0
-    spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi / unit.length**2
+    spread2 = sources.squared_spread_m2 / unit.length**2
     state = State.flat(
         prob,
         np.arctan2(along[:, 1], along[:, 0]),

@@ -85,7 +85,7 @@ def _truth(prob: Problem, path: Array, sources: Sources, medium: Medium) -> Stat
     """The state of the scene, what is unknown of it at its true value."""
     step = np.diff(path, axis=0)
     d = path.shape[1]
-    spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi
+    spread2 = sources.squared_spread_m2
     if prob.spread2 is not None:
         spread2 = np.broadcast_to(prob.spread2, spread2.shape)
     state = State.flat(

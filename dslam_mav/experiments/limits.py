@@ -15,7 +15,7 @@ from dslam_mav.dslam.paper.gaussians import Gaussians, assess
 from dslam_mav.dslam.path import path_columns
 from dslam_mav.dslam.predict import Bound, bound
 from dslam_mav.dslam.state import layout
-from dslam_mav.experiments.world import World, spread2_m2
+from dslam_mav.experiments.world import World
 from dslam_mav.records import Medium, Sources
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def first_leg(world: World) -> tuple[Array, Array]:
 def line_bound(world: World) -> float:
     """RMS over the sources of the bound on Y_k1 from the first leg's readings alone, its spread known (static)."""
     y, d2 = first_leg(world)
-    c = spread2_m2(world)
+    c = world.sources.squared_spread_m2
     height = world.sources.peak_reading * np.exp(-d2 / c)
     b = world.truth.vertices_m
     count = round(float(np.linalg.norm(b[1] - b[0])) / world.spacing_m)

@@ -11,7 +11,7 @@ from dslam_mav.experiments.experiment import Experiment, Shown, Worlds
 from dslam_mav.experiments.measures import FINISHED, field_of, localise
 from dslam_mav.experiments.pictures.layouts import scene_picture
 from dslam_mav.experiments.trials import Row
-from dslam_mav.experiments.world import World, spread2_m2
+from dslam_mav.experiments.world import World
 from dslam_mav.records import Flight, Medium, ParametricPath, Sources, Truth
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ class AlongCurve:
     def flight(self, rng: np.random.Generator) -> Flight:  # noqa: ARG002 - no noise
         """The readings along the curve."""
         time_s = self.start_s + self.spacing_m / self.speed_m_s * np.arange(READINGS, dtype=np.float64)
-        reading = field_of(self.truth.vertices_m, spread2_m2(self), self)
+        reading = field_of(self.truth.vertices_m, self.sources.squared_spread_m2, self)
         return Flight(parametric=ParametricPath(self._basis, time_s, reading))
 
     def at(self, **changed: object) -> AlongCurve:

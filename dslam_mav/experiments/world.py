@@ -62,10 +62,3 @@ class World(Protocol):
     @property
     def image(self) -> tuple[Array, tuple[float, float, float, float]] | None:
         """The recorded frame behind it and its extent (left, right, bottom, top), if there is one."""
-
-
-def spread2_m2(world: World) -> Array:
-    """(K,) C_k at the first reading."""
-    sources = world.sources
-    d = sources.position_m.shape[1]
-    return np.asarray((sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi)

@@ -1,4 +1,4 @@
-"""The reconstructed field on a square grid of cells, as Foxglove's Grid and PointCloud. Pure."""
+"""The reconstructed field on a square grid of cells, as Foxglove's Grid and as points. Pure."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from foxglove_schemas_protobuf.Grid_pb2 import Grid
-from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.Vector2_pb2 import Vector2
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.field import field
+from dslam_mav.log import points
 from dslam_mav.log import primitives as draw
 from dslam_mav.log.codec import timestamp
 from dslam_mav.records import Estimate
@@ -20,36 +20,29 @@ Array = NDArray[np.float64]
 
 CELLS = 64  # per side
 
-# black, violet, red, orange, pale yellow: dark to bright, so that it reads in grey too
-_STOPS = np.array([[0, 0, 4], [87, 16, 110], [188, 55, 84], [249, 142, 9], [252, 255, 164]], dtype=np.float64)
-_COLOUR = [("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1")]
-_CELL = np.dtype([("value", "<f4"), *_COLOUR])
-_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("value", "<f4"), *_COLOUR])
+_CELL = np.dtype([("value", "<f4"), *points.COLOUR])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldMap:
     """`value` (CELLS, CELLS), rows along +y: the field above ambient at cells' centres, in the plane `z_m`.
 
-    `corner_m` (2,) is the lowest x and y of the square of cells.
+    `corner_m` (2,) is the lowest x and y of the square of cells, `centre_m` (CELLS², d) are their centres.
     """
 
     corner_m: Array
     cell_m: float
     z_m: float
+    centre_m: Array
     value: Array
 
 
 def field_map(estimate: Estimate) -> FieldMap | None:
-    """The field around path and sources at the flight's first reading; None where it is not known.
-
-    Each source's C follows from amplitude and peak, a/p = (πC)^(d/2), whatever the medium. In space the plane
+    """The field around path and sources at the flight's first reading; None where it is not known. In space the plane
     is that of the largest source.
     """
     sources = estimate.sources
-    d = sources.position_m.shape[1]
-    with np.errstate(all="ignore"):
-        spread2 = (sources.amplitude / sources.peak_reading) ** (2.0 / d) / np.pi
+    d, spread2 = sources.position_m.shape[1], sources.squared_spread_m2
     if not (len(sources) and (spread2 > 0.0).all() and np.isfinite([spread2, sources.amplitude]).all()):
         return None
     around = np.vstack([estimate.path.vertices_m, sources.position_m])[:, :2]
@@ -61,15 +54,16 @@ def field_map(estimate: Estimate) -> FieldMap | None:
     corner_m = 0.5 * (low + high - side_m)
     z_m = float(sources.position_m[0, 2]) if d == 3 else 0.0
     x, y = np.meshgrid(*(corner + cell_m * (np.arange(CELLS) + 0.5) for corner in corner_m))
-    points = np.column_stack([x.ravel(), y.ravel(), *([np.full(x.size, z_m)] if d == 3 else [])])
-    value = field(points, spread2, sources.position_m, sources.amplitude).reshape(CELLS, CELLS)
-    return FieldMap(corner_m, cell_m, z_m, value)
+    centre_m = np.column_stack([x.ravel(), y.ravel(), *([np.full(x.size, z_m)] if d == 3 else [])])
+    value = field(centre_m, spread2, sources.position_m, sources.amplitude).reshape(CELLS, CELLS)
+    return FieldMap(corner_m, cell_m, z_m, centre_m, value)
 
 
 def grid(time_ns: int, frame_id: str, mapped: FieldMap) -> Grid:
     """The map as coloured cells."""
     cells = np.empty((CELLS, CELLS), dtype=_CELL)
-    _fill(cells, mapped)
+    cells["value"] = mapped.value
+    points.fill(cells)
     return Grid(
         timestamp=timestamp(time_ns),
         frame_id=frame_id,
@@ -78,43 +72,11 @@ def grid(time_ns: int, frame_id: str, mapped: FieldMap) -> Grid:
         cell_size=Vector2(x=mapped.cell_m, y=mapped.cell_m),
         row_stride=CELLS * _CELL.itemsize,
         cell_stride=_CELL.itemsize,
-        fields=_fields(_CELL),
+        fields=points.fields_of(_CELL),
         data=cells.tobytes(),
     )
 
 
 def point_cloud(time_ns: int, frame_id: str, mapped: FieldMap) -> PointCloud:
     """The map as coloured points at the cells' centres."""
-    points = np.empty((CELLS, CELLS), dtype=_POINT)
-    _fill(points, mapped)
-    centre = mapped.cell_m * (np.arange(CELLS) + 0.5)
-    points["x"] = mapped.corner_m[0] + centre[None, :]
-    points["y"] = mapped.corner_m[1] + centre[:, None]
-    points["z"] = mapped.z_m
-    return PointCloud(
-        timestamp=timestamp(time_ns),
-        frame_id=frame_id,
-        pose=draw.pose((0.0, 0.0)),
-        point_stride=_POINT.itemsize,
-        fields=_fields(_POINT),
-        data=points.tobytes(),
-    )
-
-
-def _fill(elements: NDArray[np.void], mapped: FieldMap) -> None:
-    """Values, and their colours from the smallest to the largest."""
-    elements["value"] = mapped.value
-    low, span = mapped.value.min(), float(np.ptp(mapped.value))
-    share = (mapped.value - low) / (span or 1.0)
-    at = np.linspace(0.0, 1.0, len(_STOPS))
-    for channel, name in enumerate(("red", "green", "blue")):
-        elements[name] = np.interp(share, at, _STOPS[:, channel])
-    elements["alpha"] = 255
-
-
-def _fields(kind: np.dtype[np.void]) -> list[PackedElementField]:
-    types = {"f": PackedElementField.FLOAT32, "u": PackedElementField.UINT8}
-    return [
-        PackedElementField(name=name, offset=offset, type=types[element.kind])
-        for name, (element, offset, *_) in (kind.fields or {}).items()
-    ]
+    return points.cloud(time_ns, frame_id, mapped.centre_m, mapped.value.ravel())

@@ -1,8 +1,9 @@
 """Pictures of an estimate in Foxglove's well-known messages, which Foxglove and Rerun draw. Pure.
 
 The path (`/path`), sources with their 95 % regions, path and labels (`/scene`), and the reconstructed field
-above ambient at the flight's first reading (`/field`, `/field_points`). An estimate whose positions are NaN
-draws nothing and takes the last scene off the screen. The frame of reference is named by the gauge.
+above ambient at the flight's first reading (`/field`); all of it as points as well, for Rerun, and the readings above
+the path (`/…_points`). An estimate whose positions are NaN draws nothing and takes the last scene and points off the
+screen. The frame of reference is named by the gauge.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from numpy.typing import NDArray
 from dslam_mav.log import primitives as draw
 from dslam_mav.log.codec import timestamp
 from dslam_mav.log.fieldmap import field_map, grid, point_cloud
-from dslam_mav.log.topics import FIELD, FIELD_POINTS, PATH, SCENE
-from dslam_mav.records import Estimate
+from dslam_mav.log.points import cloud, path_points, reading_points, source_points
+from dslam_mav.log.topics import FIELD, FIELD_POINTS, PATH, PATH_POINTS, READING_POINTS, SCENE, SOURCE_POINTS
+from dslam_mav.records import Estimate, Flight
 
 Array = NDArray[np.float64]
 
@@ -31,13 +33,15 @@ _REGION_COLOUR = (0.90, 0.25, 0.10, 0.6)
 _OTHER_COLOUR = (0.50, 0.50, 0.50, 0.6)
 
 
-def pictures(time_ns: int, estimate: Estimate) -> Iterator[tuple[str, Message]]:
-    """(topic, message) of every picture of the estimate, all at `time_ns`."""
+def pictures(time_ns: int, estimate: Estimate, flight: Flight | None = None) -> Iterator[tuple[str, Message]]:
+    """(topic, message) of every picture of the estimate, all at `time_ns`; readings where the `flight` is given."""
     if not _drawable(estimate):
         yield (
             SCENE,
             SceneUpdate(deletions=[SceneEntityDeletion(timestamp=timestamp(time_ns), type=SceneEntityDeletion.ALL)]),
         )
+        for topic in (PATH_POINTS, SOURCE_POINTS, FIELD_POINTS, READING_POINTS):
+            yield topic, cloud(time_ns, estimate.gauge, np.empty((0, 3)), np.empty(0))
         return
     yield PATH, _path(time_ns, estimate)
     yield (
@@ -50,6 +54,10 @@ def pictures(time_ns: int, estimate: Estimate) -> Iterator[tuple[str, Message]]:
             ]
         ),
     )
+    yield PATH_POINTS, path_points(time_ns, estimate)
+    yield SOURCE_POINTS, source_points(time_ns, estimate)
+    if flight is not None and (read := reading_points(time_ns, estimate, flight)) is not None:
+        yield READING_POINTS, read
     mapped = field_map(estimate)
     if mapped is not None:
         yield FIELD, grid(time_ns, estimate.gauge, mapped)

@@ -39,7 +39,7 @@ from dslam_mav.log.topics import (
     TRUTH,
 )
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Prediction, Truth
+from dslam_mav.records import Estimate, Flight, Prediction, Truth
 
 _SYNC_PERIOD_S = 0.5  # half of what may be lost, the other half is for a slow disk
 LOG_ENDS = "; the log ends here"
@@ -110,10 +110,12 @@ class Recorder:
         """A mission item reached or begun."""
         self._put(received_ns, MISSION, codec.encode_progress(progress))
 
-    def estimate(self, received_ns: int, estimate: Estimate, legs_flown: int, final: bool) -> None:
-        """An estimate with its alternatives, and the pictures of it."""
+    def estimate(
+        self, received_ns: int, estimate: Estimate, legs_flown: int, final: bool, flight: Flight | None = None
+    ) -> None:
+        """An estimate with its alternatives, and the pictures of it; of the readings too, where it says of which."""
         self._put(received_ns, ESTIMATE, codec.encode_update(estimate, legs_flown, final))
-        for topic, message in pictures(received_ns, estimate):
+        for topic, message in pictures(received_ns, estimate, flight):
             self._put(received_ns, topic, message)
 
     def text(self, received_ns: int, level: int, text: str) -> None:

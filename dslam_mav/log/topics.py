@@ -32,6 +32,9 @@ SCENE = "/scene"
 FIELD = "/field"
 FIELD_POINTS = "/field_points"
 PREDICTION = "/prediction"
+PATH_POINTS = "/path_points"
+SOURCE_POINTS = "/source_points"
+READING_POINTS = "/reading_points"
 
 # A topic's channel is its place here, counted from 1: append only. Where the chunk that declares the channels
 # is destroyed, the reader still knows by this what the other chunks hold.
@@ -47,5 +50,8 @@ TOPICS: dict[str, type[Message]] = {
     FIELD: Grid,
     FIELD_POINTS: PointCloud,
     PREDICTION: Prediction,
+    PATH_POINTS: PointCloud,
+    SOURCE_POINTS: PointCloud,
+    READING_POINTS: PointCloud,
 }
 CHANNEL_IDS = {topic: number for number, topic in enumerate(TOPICS, start=1)}

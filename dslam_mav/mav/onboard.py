@@ -77,7 +77,7 @@ class Onboard:
         self._lost_s = lost_s
         self._quiet_s = quiet_s
         self._worker: ThreadPoolExecutor | None = None
-        self._running: tuple[int, Future[Estimate]] | None = None
+        self._running: tuple[Flight, Future[Estimate]] | None = None
         self._waiting: Legs | None = None
         self._ask_after_s = ask_after_s
         self._streams: StreamRequests | None = None
@@ -176,19 +176,20 @@ class Onboard:
     def _collect_estimate(self) -> None:
         """Publish the estimate that is ready, start the one that waits."""
         if self._running is not None and self._running[1].done():
-            legs_flown, done = self._running
+            flight, done = self._running
             self._running = None
             if (error := done.exception()) is not None:
-                self._say(logging.WARNING, f"no estimate after {count(legs_flown, 'leg')}: {error}")
+                self._say(logging.WARNING, f"no estimate after {count(len(flight.legs), 'leg')}: {error}")
             else:
-                self._publish(done.result(), legs_flown, final=False)
+                self._publish(done.result(), flight, final=False)
         if self._running is None and self._waiting is not None and self._worker is not None:
-            self._running = len(self._waiting), self._submit(self._worker, self._waiting)
+            self._running = self._submit(self._worker, self._waiting)
             self._waiting = None
 
-    def _submit(self, worker: ThreadPoolExecutor, legs: Legs) -> Future[Estimate]:
+    def _submit(self, worker: ThreadPoolExecutor, legs: Legs) -> tuple[Flight, Future[Estimate]]:
         """Flight and legs are one snapshot: more may be flown before it is estimated."""
-        return worker.submit(self._estimate, flight_of(legs), legs)
+        flight = flight_of(legs)
+        return flight, worker.submit(self._estimate, flight, legs)
 
     def _try_to_finish(self) -> Exception | None:
         """The last estimate; what it raised is logged and given back."""
@@ -210,7 +211,7 @@ class Onboard:
         if not legs or self._worker is None:
             self._say(logging.WARNING, "no leg with readings was flown: nothing to estimate")
             return
-        done = self._submit(self._worker, legs)
+        flight, done = self._submit(self._worker, legs)
         while not done.done():
             try:
                 self._keep_in_touch(time.monotonic())
@@ -218,11 +219,11 @@ class Onboard:
             except LinkError:
                 break
         self._legs_flown = len(legs)
-        self._publish(done.result(), len(legs), final=True)
+        self._publish(done.result(), flight, final=True)
 
-    def _publish(self, estimate: Estimate, legs_flown: int, *, final: bool) -> None:
-        self.result = estimate
-        self._recorder.estimate(time.time_ns(), estimate, legs_flown, final)
+    def _publish(self, estimate: Estimate, flight: Flight, *, final: bool) -> None:
+        self.result, legs_flown = estimate, len(flight.legs)
+        self._recorder.estimate(time.time_ns(), estimate, legs_flown, final, flight)
         lines = results.in_words(estimate, legs_flown, final=final)
         for line in lines:
             self._say(logging.INFO, line)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from dslam_mav.mav.frames import Frame
 from dslam_mav.mav.profile import Profile
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate
+from dslam_mav.records import Estimate, Flight
 
 
 class OnboardLink(Protocol):
@@ -39,5 +39,7 @@ class FlightRecorder(Protocol):
     def frame(self, received_ns: int, raw: bytes) -> None: ...  # noqa: D102
     def reading(self, received_ns: int, reading: Reading) -> None: ...  # noqa: D102
     def progress(self, received_ns: int, progress: Progress) -> None: ...  # noqa: D102
-    def estimate(self, received_ns: int, estimate: Estimate, legs_flown: int, final: bool) -> None: ...  # noqa: D102
+    def estimate(  # noqa: D102
+        self, received_ns: int, estimate: Estimate, legs_flown: int, final: bool, flight: Flight
+    ) -> None: ...
     def text(self, received_ns: int, level: int, text: str) -> None: ...  # noqa: D102

@@ -58,6 +58,12 @@ class Sources:
     def __len__(self) -> int:
         return int(self.amplitude.size)
 
+    @property
+    def squared_spread_m2(self) -> Array:
+        """(K,) C of each at the flight's first reading, whatever the medium: peak = a/(πC)^(d/2); NaN where unknown."""
+        with np.errstate(all="ignore"):
+            return np.asarray((self.amplitude / self.peak_reading) ** (2.0 / self.position_m.shape[1]) / np.pi)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:

@@ -162,7 +162,7 @@ def _tiles(data: ReportData, result: Score | None) -> tuple[Tile, ...]:
             "Readings",
             f"{flight.n_readings:,}",
             "",
-            f"on {count(len(flight.legs), 'leg')}, {_length(flight)}",
+            f"{count(len(flight.legs), 'leg')}, {_length(flight)}{_time(flight)}",
         ),
     ]
     if result is not None:
@@ -202,6 +202,15 @@ def _snr_note(flight: Flight, estimate: Estimate) -> str:
 
 def _length(flight: Flight) -> str:
     return f"{significant(float(flight.lengths_m.sum()), 3)} m" if flight.legs else "0 m"
+
+
+def _time(flight: Flight) -> str:
+    """From the first reading to the last."""
+    legs = [leg.time_s for leg in flight.legs if leg.time_s.size]
+    if not legs:
+        return ""
+    seconds = float(legs[-1][-1] - legs[0][0])
+    return f" in {significant(seconds)}\u00a0s" if seconds < 600.0 else f" in {significant(seconds / 60.0)}\u00a0min"
 
 
 def _in_spreads(error_m: float, spread_m: float) -> str:

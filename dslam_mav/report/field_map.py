@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dslam_mav.dslam.field import field
 from dslam_mav.dslam.scoring import has_positions
 from dslam_mav.records import Estimate, Truth
 from dslam_mav.records.words import count
@@ -108,23 +109,14 @@ def field_map(estimate: Estimate, truth: Truth | None, window: geo.Window) -> Fi
 
 
 def field_values(estimate: Estimate, x_m: Array, y_m: Array) -> Array:
-    """(rows of y, columns of x): Σ_k a_k (πC_k)^(−d/2) exp(−r²/C_k) at the first reading, above ambient.
-
-    C_k follows from amplitude and peak reading, which holds for sources of different ages too. In 3-D the
-    field is shown at the path's mean height.
-    """
-    sources, total = estimate.sources, np.zeros((y_m.size, x_m.size))
-    d = sources.position_m.shape[1]
-    height_m = float(estimate.path.vertices_m[:, 2].mean()) if d == 3 else 0.0
-    for place, amplitude, peak in zip(sources.position_m, sources.amplitude, sources.peak_reading, strict=True):
-        known = np.isfinite(peak) and peak * amplitude > 0.0
-        c = (amplitude / peak) ** (2.0 / d) / np.pi if known else estimate.spread_m**2
-        if not (np.isfinite(c) and c > 0.0):
-            continue
-        top = peak if known else amplitude * (np.pi * c) ** (-0.5 * d)
-        depth = np.exp(-((height_m - place[2]) ** 2) / c) if d == 3 else 1.0
-        total += top * depth * np.outer(np.exp(-((y_m - place[1]) ** 2) / c), np.exp(-((x_m - place[0]) ** 2) / c))
-    return total
+    """(rows of y, columns of x): the field at the first reading, above ambient; in 3-D at the path's mean height."""
+    sources = estimate.sources
+    spread2 = np.where(sources.squared_spread_m2 > 0.0, sources.squared_spread_m2, estimate.spread_m**2)
+    known = np.flatnonzero(np.isfinite(spread2) & (spread2 > 0.0))
+    x, y = np.meshgrid(x_m, y_m)
+    height_m = [np.full(x.size, height) for height in estimate.path.vertices_m.mean(axis=0)[2:]]
+    points_m = np.column_stack([x.ravel(), y.ravel(), *height_m])
+    return field(points_m, spread2[known], sources.position_m[known], sources.amplitude[known]).reshape(x.shape)
 
 
 def _field_picture(estimate: Estimate, window: geo.Window) -> tuple[str, str, tuple[tuple[float, str], ...]]:

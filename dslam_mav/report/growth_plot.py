@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 WIDTH, _LEFT, _RIGHT, _TOP, _HEIGHT = 600.0, 60.0, 52.0, 22.0, 240.0
 _FIRST = 3  # legs: with fewer nothing can be said
-_LABEL_ROOM = 15.0
+_LABEL_ROOM = 18.0  # of a phone's larger letters
 _MOST_TICKS = 12
 _MARGIN = 22.0  # from the frame to the first and the last leg
 

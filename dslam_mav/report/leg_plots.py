@@ -25,6 +25,7 @@ _DENSE = 150  # readings on a leg from which on their points are drawn finer
 _PAST_CORNER = 0.005  # share of the axis; readings nearer to a corner's line than this are at the corner
 
 WIDTH, _LEFT, _RIGHT = 290.0, 54.0, 4.0
+_SHORT, _DIGIT = 4, 6.4  # characters of a label that _LEFT has room for, and the room of each more
 _READING = (8.0, 120.0)  # top and height of the upper panel
 _RESIDUAL = (140.0, 56.0)
 
@@ -83,18 +84,19 @@ def leg_plots(flight: Flight, estimate: Estimate) -> LegPlots | None:
     if not legs:
         return None
     residuals = residual_by_leg(flight, estimate)
-    x_axis = _axis(
-        min(0.0, *(float(leg.distance_m.min()) for leg in legs)),
-        max(max(leg.length_m, float(leg.distance_m.max())) for leg in legs),
-        (_LEFT + 4.0, WIDTH - _LEFT - _RIGHT - 8.0),
-        5,
-        False,
-    )
     low = min(float(leg.reading.min()) for leg in legs)
     high = max(float(leg.reading.max()) for leg in legs)
     pad = 0.06 * ((high - low) or abs(high) or 1.0)
     reading_axis = _axis(low - pad, high + pad, (_READING[0] + _READING[1], -_READING[1]), 6, False)
     residual_axis = None if residuals is None else _residual_axis(np.concatenate(residuals), estimate.noise_sd)
+    left = _left(reading_axis, residual_axis)
+    x_axis = _axis(
+        min(0.0, *(float(leg.distance_m.min()) for leg in legs)),
+        max(max(leg.length_m, float(leg.distance_m.max())) for leg in legs),
+        (left + 4.0, WIDTH - left - _RIGHT - 8.0),
+        5,
+        False,
+    )
     shown = min(MAX_PANELS, len(flight.legs))
     panels = [
         _panel(
@@ -114,6 +116,12 @@ def leg_plots(flight: Flight, estimate: Estimate) -> LegPlots | None:
         noise_band=_noise_band(residual_axis, estimate.noise_sd),
         left_out=len(flight.legs) - shown,
     )
+
+
+def _left(*axes: Axis | None) -> float:
+    """Where the panels begin, so that the longest label of these axes stays clear of their names."""
+    longest = max(len(label) for axis in axes if axis is not None for _, label in axis.ticks)
+    return _LEFT + _DIGIT * max(0, longest - _SHORT)
 
 
 def residual_by_leg(flight: Flight, estimate: Estimate) -> list[Array] | None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
 from dslam_mav.records import Verdict
+
+OWN_NAME = "flight.mcap"
+"""Of every log that a flight writes, in a folder of its own."""
 
 Tone = Literal["good", "caution", "bad"]
 
@@ -60,10 +63,16 @@ MEANINGS = {
 }
 
 
-def title_of(log: Path) -> str:
-    """A heading for the flight in this log: when it was, if its folder says so, else the file's name."""
+def title_of(log: Path, begun_s: float | None = None) -> str:
+    """A heading for the flight in this log: when it was, as its folder says or its first packet (seconds since 1970),
+    and of a file with a name of its own that too.
+    """
+    own = log.stem if log.name != OWN_NAME else ""
     try:
-        flown = datetime.strptime(log.parent.name[:16], "%Y%m%dT%H%M%SZ")
+        begun = datetime.strptime(log.parent.name[:16], "%Y%m%dT%H%M%SZ")
     except ValueError:
-        return f"Flight {log.stem}"
-    return f"Flight of {flown.day} {flown:%B %Y, %H:%M:%S} UTC"
+        if begun_s is None:
+            return f"Flight {own or log.absolute().parent.name}"
+        begun = datetime.fromtimestamp(begun_s, UTC)
+    when = f"{begun.day} {begun:%B %Y, %H:%M:%S} UTC"
+    return f"Flight {own}, {when}" if own else f"Flight of {when}"

@@ -78,10 +78,8 @@ def spawn(*words: object, **settings: Any) -> subprocess.Popen[str]:
     """A command in a process of its own, on pipes."""
     return subprocess.Popen(
         [sys.executable, "-c", INTERRUPTIBLE, *(str(word) for word in words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
         text=True,
-        **settings,
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings},
     )
 
 

@@ -1,7 +1,9 @@
-"""What befalls a flight: no vehicle, one that refuses, one that disappears, Ctrl-C and SIGTERM."""
+"""What befalls a flight: no vehicle, one that refuses, one that disappears, Ctrl-C, SIGTERM, a lost terminal."""
 
 from __future__ import annotations
 
+import os
+import pty
 import signal
 import subprocess
 import time
@@ -55,9 +57,9 @@ def test_a_vehicle_that_refuses_the_mission(flown: Any, tmp_path: Path, command:
     assert not left(tmp_path)
 
 
-def during_a_flight(scene: Path, tmp_path: Path, *more: object) -> tuple[subprocess.Popen[str], Path]:
+def during_a_flight(scene: Path, tmp_path: Path, *more: object, **settings: Any) -> tuple[subprocess.Popen[str], Path]:
     """A flight under way, some of whose readings are logged."""
-    process = spawn("fly", "--scene", scene, "--sources", 2, "--out", tmp_path / "logs", *more)
+    process = spawn("fly", "--scene", scene, "--sources", 2, "--out", tmp_path / "logs", *more, **settings)
     until_s = time.monotonic() + 60.0
     while not list((tmp_path / "logs").glob("*Z*/flight.mcap")):
         assert time.monotonic() < until_s
@@ -115,6 +117,20 @@ def test_ctrl_c_and_sigterm_lose_nothing(
     assert 30 <= len(flown_until_then) < 7 * 32
     final = [entry for entry in read_log(log).estimates if entry.final]
     readable_after(done, log, partly=final[0].estimate.verdict.name not in ("TOO_FEW_DATA", "NOT_IDENTIFIABLE"))
+
+
+def test_a_terminal_that_goes_away_takes_neither_log_nor_report_with_it(scene: Path, tmp_path: Path) -> None:
+    """As when an SSH connection is lost: whatever is still said there fails."""
+    ours, theirs = pty.openpty()
+    process, log = during_a_flight(scene, tmp_path, "--speedup", 12, stdout=theirs)
+    os.close(theirs)
+    os.close(ours)
+    process.send_signal(signal.SIGHUP)
+    done = end(process)
+    assert done.code == 129, done
+    assert done.err.splitlines()[-1] == "dslam-mav: the terminal is gone"
+    assert read_log(log).complete
+    assert left(log.parent) == {"flight.mcap", "report.html"}
 
 
 def test_a_vehicle_server_ends_with_a_signal() -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from running import SCENE, run
 
-from dslam_mav.flight_log import read_flight
+from dslam_mav.flight_log import read_flight, read_log
+from dslam_mav.log.recorder import Recorder
 from dslam_mav.mission import Home
 from missions.plan import Profile, plan_mission
 from missions.plan_file import plan_bytes
@@ -106,3 +107,15 @@ def test_a_recorded_gas_flight_becomes_a_flight():
     assert flight.n_readings > 900
     done = run("info", GAS, "--columns", "time_s=Time:ms,value=Gas1L,east_m=X,north_m=Y", "--json")
     assert done.object == {"topics": {"readings": 1048, "places": 1048}, "duration_s": 104.7, "complete": True}
+
+
+def test_a_log_made_of_a_table_is_its_flight_in_python_too(table, tmp_path):
+    """`replay --set` keeps a table as an attachment: such a log has no packets."""
+    path = tmp_path / "flight.set-1.mcap"
+    with Recorder(path) as recorder:
+        recorder.attach("recording.csv", "text/csv", table.read_bytes())
+        recorder.attach("provenance.json", "application/json", json.dumps({"columns": NAMES}).encode())
+    theirs, log = read_flight(table, columns=NAMES), read_log(path)
+    assert log.readings.value.size == 7 * 64 + 1
+    for legs in (log.legs, read_flight(path).legs):
+        assert [leg.reading.tobytes() for leg in legs] == [leg.reading.tobytes() for leg in theirs.legs]

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import dataflash
 import psutil
 import pytest
 from pyarrow import parquet
@@ -200,23 +201,26 @@ def test_a_folder_of_logs_gives_a_row_a_log(flown: Any, tmp_path):
     shutil.copy(flown.log, logs / "day1" / "a.mcap")
     data = flown.log.read_bytes()
     (logs / "b.mcap").write_bytes(data[: len(data) // 50])
+    (logs / "c.BIN").write_bytes(dataflash.formats())
     (logs / "latest").symlink_to(logs / "day1", target_is_directory=True)
     text = '[logs]\nfolder = "logs"\n[assume]\nsources = 2\n'
     done = run("sweep", written(tmp_path, text), "--workers", 1, "--out", tmp_path / "out")
     assert done.code == 1
     results = tmp_path / "out" / "results.parquet"
-    assert done.line() == f"dslam-mav: 1 of 2 points failed: why is in column failure of {results}"
+    assert done.line() == f"dslam-mav: 2 of 3 points failed: why is in column failure of {results}"
     assert re.search(r"^Failed: b\.mcap, joint: .+$", done.out, re.MULTILINE)
-    assert "small.toml: 2 logs × 1 method = 2 points" in done.out
+    assert re.search(r"^Failed: c\.BIN, joint: .*no NVAL records: .*$", done.out, re.MULTILINE)
+    assert "small.toml: 3 logs × 1 method = 3 points" in done.out
     assert re.search(r"^b\.mcap +joint +failed +– ", done.out, re.MULTILINE)
     assert re.search(rf"^day1/a\.mcap +joint +{flown.result['verdict']} +2 ", done.out, re.MULTILINE)
-    broken, whole = rows_in(tmp_path / "out")
+    broken, _, whole = rows_in(tmp_path / "out")
     assert (broken["log"], broken["verdict"]) == ("b.mcap", None)
     assert (whole["log"], whole["verdict"]) == ("day1/a.mcap", flown.result["verdict"])
     errors = flown.result["errors"]["sources_m"]
     assert whole["source_error_max_m"] == pytest.approx(max(errors))
     assert whole["k_found"] == whole["k_true"] == 2
     (logs / "b.mcap").unlink()
+    (logs / "c.BIN").unlink()
     again = run("sweep", written(tmp_path, text), "--workers", 1, "--out", tmp_path / "out", "--json")
     assert (again.code, again.object["points"], again.object["computed"]) == (0, 1, 0)
 

@@ -115,7 +115,7 @@ def _mavproxy_session(client: MavProxy, url: str, written: Path, plan: Mission) 
 
 
 def rerun(program: Path, folder: Path) -> str:
-    """Rerun's own check of a flight's log, and its conversion."""
+    """Rerun's own check of a flight's log, its conversion, and whether it has something to draw of every picture."""
     words = [sys.executable, "-m", "dslam_mav", "fly", "--sources", "3", "--speedup", "30", "--out", str(folder)]
     flown = subprocess.run(words, capture_output=True, text=True, check=False)
     logs = list(folder.glob("*Z/flight.mcap"))
@@ -125,7 +125,11 @@ def rerun(program: Path, folder: Path) -> str:
         done = subprocess.run([str(program), *words], capture_output=True, text=True, check=False)
         if done.returncode:
             return f"rerun {' '.join(words[:2])}: {(done.stderr or done.stdout).strip()[-300:]}"
-    return "" if (folder / "flight.rrd").stat().st_size > 10_000 else "rerun mcap convert: nothing came of it"
+    words = [str(program), "rrd", "print", str(folder / "flight.rrd")]
+    told = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+    drawn = {line.split(" - ")[1] for line in told.splitlines() if "Points3D:positions" in line}
+    missing = {"/path_points", "/source_points", "/field_points", "/reading_points"} - drawn
+    return f"rerun draws nothing of {', '.join(sorted(missing))}" if missing else ""
 
 
 def main() -> int:

@@ -15,7 +15,7 @@ import pytest
 from dslam_mav.log import Recorder, recorder
 from dslam_mav.mav.frames import Encoder, messages
 from dslam_mav.observations import Progress, Reading
-from dslam_mav.records import Estimate, Medium, Path, Prediction, Sources, Truth, Verdict
+from dslam_mav.records import Estimate, Flight, Leg, Medium, Path, Prediction, Sources, Truth, Verdict
 
 START_NS = 1_760_000_000_123_456_789
 
@@ -73,6 +73,12 @@ def make_nan_estimate() -> Estimate:
     )
 
 
+def make_flight(legs: int = 5, readings: int = 20) -> Flight:
+    """Legs of 3 m; a reading is the number of its leg and, behind the point, how far along it was taken."""
+    along = np.linspace(0.0, 0.9, readings)
+    return Flight(tuple(Leg(3.0, 3.0 * along, 10.0 * j + along, j + 1.0 + along) for j in range(legs)))
+
+
 def make_prediction(**changes: Any) -> Prediction:
     """Of a mission that cannot place a tenth of all layouts."""
     given: dict[str, Any] = {
@@ -101,13 +107,18 @@ def write_flight(path: FilePath, n: int = 2000) -> None:
             if i % 400 == 0:
                 recorder.progress(time_ns, Progress(i // 400, reached=i % 800 == 0))
                 recorder.text(time_ns, logging.WARNING, f"leg {i // 400} flown — ça va")
-                recorder.estimate(time_ns, make_estimate(i), i // 400, final=i + 400 >= n)
+                recorder.estimate(time_ns, make_estimate(i), i // 400, final=i + 400 >= n, flight=make_flight())
         recorder.attach("scene.json", "application/json", bytes(range(256)) * 40)
 
 
 @pytest.fixture
 def estimate() -> Callable[..., Estimate]:
     return make_estimate
+
+
+@pytest.fixture
+def legs_flown() -> Callable[..., Flight]:
+    return make_flight
 
 
 @pytest.fixture

@@ -87,7 +87,8 @@ def test_a_late_viewer_is_told_how_things_stand_and_nobody_else_is(live, tmp_pat
         first.until(lambda: len(first.of("/thermal")) == READINGS)
         logged = by_topic(read_messages(tmp_path / "a.mcap"))
         with Viewer(live.url) as late:
-            pictures = ("/path", "/scene", "/field", "/field_points", "/estimate", "/mission", "/log")
+            pictures = ("/path", "/scene", "/field", "/estimate", "/mission", "/log")
+            pictures += ("/field_points", "/path_points", "/source_points")
             late.until(lambda: {topic for _, topic, _ in late.messages} >= set(pictures))
             live.send(start_ns, "/thermal", b"")
             late.until(lambda: bool(late.of("/thermal")))

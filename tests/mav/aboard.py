@@ -52,7 +52,8 @@ class Log:
     def progress(self, received_ns, progress):
         self.progressed.append(progress)
 
-    def estimate(self, received_ns, estimate, legs_flown, final):
+    def estimate(self, received_ns, estimate, legs_flown, final, flight):
+        assert len(flight.legs) == legs_flown
         self.estimates.append((estimate, legs_flown, final))
 
     def text(self, received_ns, level, text):

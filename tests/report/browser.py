@@ -32,7 +32,11 @@ async function look(page, width) {
   const over = new PointerEvent("pointerover", { bubbles: true });
   const answer = { width, room: root.clientWidth, needs: root.scrollWidth, inside: frame.contentWindow.innerWidth,
     tiny: [...doc.querySelectorAll("svg text")].filter(t => t.getBoundingClientRect().height > 0 &&
-      t.getBoundingClientRect().height < 9).length };
+      t.getBoundingClientRect().height < 9).length,
+    cut: [...doc.querySelectorAll("svg[role=img] text")].filter(t => { const own = t.getBoundingClientRect(),
+      picture = t.ownerSVGElement, open = frame.contentWindow.getComputedStyle(picture).overflow === "visible",
+      room = (open ? root : picture).getBoundingClientRect();
+      return own.width > 0 && (own.left < room.left || own.right > room.right + 1); }).map(t => t.textContent) };
   QUESTIONS
   found.push(answer);
   frame.remove();
@@ -71,6 +75,7 @@ def looked_at(pages: list[str], questions: str, folder: Path) -> list[Any]:
 
 
 def fits(view: Any) -> None:
-    """No sideways scrolling, and every label can be read."""
+    """No sideways scrolling, and every label can be read, to its end."""
     assert view["needs"] <= view["room"], view
     assert view["tiny"] == 0, view
+    assert view["cut"] == [], view

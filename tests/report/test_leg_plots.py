@@ -89,7 +89,21 @@ def test_drawn_strokes_keep_the_extremes():
         ("logs/20261123T163053Z-2/flight.mcap", "Flight of 23 November 2026, 16:30:53 UTC"),
         ("flights/copter_flow.tlog", "Flight copter_flow"),
         ("20269999T999999Z/a.mcap", "Flight a"),
+        ("old/flight.mcap", "Flight old"),
     ],
 )
 def test_a_flight_is_called_by_its_time_or_its_file(log, title):
     assert title_of(Path(log)) == title
+
+
+def test_a_flight_whose_folder_does_not_say_when_it_was_is_dated_by_its_first_packet():
+    assert title_of(Path("logs/latest/flight.mcap"), 1_795_451_453.9) == "Flight of 23 November 2026, 16:30:53 UTC"
+    assert title_of(Path("a.tlog"), 1_795_451_453.9) == "Flight a, 23 November 2026, 16:30:53 UTC"
+
+
+def test_long_labels_have_room_beside_the_axis_name():
+    """A gas sensor's raw numbers: in panels of one width the axes begin farther right."""
+    truth, flight, estimate = flown_past_corners(0.0)
+    far = tuple(replace(leg, reading=leg.reading - 19_000.0) for leg in flight.legs)
+    begins = [plots_of((truth, Flight(legs), estimate)).x_axis.start for legs in (flight.legs, far)]
+    assert begins[1] - begins[0] > 10.0

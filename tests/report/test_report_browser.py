@@ -7,6 +7,7 @@ from report_flights import known_before, page_of, without_positions
 from test_comparison_page import flights
 
 from dslam_mav.records import Verdict
+from dslam_mav.report.beside import with_and_without
 from dslam_mav.report.page import render_comparison
 
 REPORT = """
@@ -52,6 +53,9 @@ def test_a_report_answers_to_pointer_and_keys_on_screen_and_phone(case, tmp_path
         title="A_very_long_title_without_any_space_" * 4,
         facts={"Log": "/a/long/path" * 12},
         background=known_before(case),
+        compass=with_and_without(
+            estimate, without_positions(estimate, Verdict.AMBIGUOUS, "Too long to fit. " * 9), None
+        ),
     )
     unknown = page_of(case, estimate=without_positions(estimate, Verdict.NOT_CONVERGED, "No."))
     found = looked_at([known, unknown], REPORT, tmp_path)

@@ -33,7 +33,7 @@ class Flown:
     @property
     def spread_m(self) -> float:
         """√C of the first reading: the root of the sources' mean C."""
-        return float(np.sqrt(np.mean(self.sources.amplitude / self.sources.peak_reading) / np.pi))
+        return float(np.sqrt(np.mean(self.sources.squared_spread_m2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
