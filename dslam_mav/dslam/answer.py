@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam import bound, certify
+from dslam_mav.dslam.answers import Answers
 from dslam_mav.dslam.certify import Noise
 from dslam_mav.dslam.fit import Fit
 from dslam_mav.dslam.gauge import Placed, in_order, placed
 from dslam_mav.dslam.joint import evaluate, model_of
-from dslam_mav.dslam.priors import Priors, without_scale
+from dslam_mav.dslam.priors import without_scale
 from dslam_mav.dslam.problem import Problem, problem, steadied
 from dslam_mav.dslam.profile import second_moment
 from dslam_mav.dslam.state import Layout, State, layout, parameter_names
@@ -59,23 +59,6 @@ def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, re
         log_likelihood=float("nan"),
         residual=np.full(flight.n_readings, np.nan),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Answers:
-    """The distinct fits of a problem, best first, and what is needed to tell what they are worth.
-
-    The problem is in units of its own; `freedom_inside` are the numbers the legs can carry at most; `loose`: how legs
-    may begin beside the corners (`solve.Task`).
-    """
-
-    problem: Problem
-    fits: tuple[Fit, ...]
-    level: Noise
-    freedom_inside: int
-    unit: Units
-    priors: Priors
-    loose: float
 
 
 def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
@@ -159,7 +142,6 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     real = in_si(state, unit)
     amplitude, spread2 = np.exp(real.log_amplitude), np.exp(real.log_spread2)
     fitted, activation = _fitted(flight, medium, prob, real, _rate_told(at, info.covariance, prob, state))
-    cost = float(f.residual @ f.residual) + prob.outside
     return Estimate(
         sources=Sources(where.sources * unit.length, amplitude, amplitude / (np.pi * spread2) ** (0.5 * d), activation),
         path=_path(prob, real, where, unit),
@@ -176,26 +158,8 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
         residual=_residual(flight, medium, state, unit),
         gauge="anchored" if answers.priors.anchored else "canonical",
         unseen_directions=certify.unseen_in_words(info, names),
-        diagnostics=_diagnostics(answers, state, cost, f.cost + prob.outside - cost),
+        diagnostics=answers.told(f),
     )
-
-
-def _diagnostics(answers: Answers, state: State, cost: float, priors_cost: float) -> dict[str, Any]:
-    level = answers.level
-    return {
-        "cost": cost,
-        "priors_cost": priors_cost,
-        "n_readings": answers.problem.n_readings,
-        "freedom_inside": answers.freedom_inside,
-        "residual_inside_sd": float(np.sqrt(level.inside)) * answers.unit.reading,
-        "residual_outside_sd": float(np.sqrt(level.outside)) * answers.unit.reading,
-        "whiteness_p": level.p_value,
-        "systematic_share": level.systematic_share,
-        "priors_noise_sd": answers.problem.known.noise_sd * answers.unit.reading,
-        "extent": state.extent,
-        "noise_measured": level.measured,
-        "corners_loose": answers.loose,
-    }
 
 
 def _path(prob: Problem, real: State, where: Placed, unit: Units) -> Path:

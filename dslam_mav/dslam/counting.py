@@ -1,0 +1,65 @@
+"""How many sources there are: joint fits for K = 1, 2, … and the Bayesian information criterion (theory, section 8)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dslam_mav.dslam.answers import Answers
+from dslam_mav.dslam.asked import Question, answered
+from dslam_mav.dslam.certify import MISFIT_MATTERS, MISFIT_P_VALUE
+from dslam_mav.records import Estimate
+
+DOUBTFUL_P = 0.05
+Found = Answers | Estimate
+
+
+def counted(question: Question, max_sources: int) -> Found:
+    """K = 1, 2, … until the Bayesian information criterion rises (theory, section 8) from an answer that leaves no
+    more than noise, or a spot's own shape.
+
+    Too few sources leave a misfit that no patience mends: they are held against the answer only where it is as small
+    as what a shape leaves.
+    """
+    best, k_best, mended = answered(question, 1, patient=False), 1, False
+    for k_sources in range(2, max_sources + 1):
+        more = answered(question, k_sources, patient=False)
+        if "cost" not in more.diagnostics:
+            break  # too few data for so many
+        if more_is_better(best, more) and _mendable(best):
+            best, mended = answered(question, k_best), True
+        if more_is_better(best, more):
+            best, k_best, mended = more, k_sources, False
+        elif _white(best) or _mendable(best):
+            break
+    done = mended or (_white(best) and question.priors.corner_sd_m is None)
+    return best if done else answered(question, k_best)
+
+
+def _white(found: Found) -> bool:
+    told = found.diagnostics
+    return "cost" in told and told["whiteness_p"] >= MISFIT_P_VALUE
+
+
+def _mendable(found: Found) -> bool:
+    """Whether more is left than noise, yet so little that an extent of the sources may be behind it."""
+    told = found.diagnostics
+    return "cost" in told and told["whiteness_p"] < MISFIT_P_VALUE and told["systematic_share"] < MISFIT_MATTERS
+
+
+def more_is_better(few: Found, more: Found) -> bool:
+    """Whether n ln(cost) + P ln(n/K) is lower with more sources, both with the larger model's n and K: an unknown is
+    told by its own source's share of the readings. The cost is the priors' too: noise is often best explained by a
+    monstrous source far away.
+
+    Residuals that may not be white (the larger model's, at 5 %) count as the numbers the legs can carry, not as
+    readings: otherwise sources are added to mend the model's own misfit.
+    """
+    a, b = few.diagnostics, more.diagnostics
+    if "cost" not in a:
+        return True
+    n = float(b["n_readings"])
+    if b["whiteness_p"] < DOUBTFUL_P:
+        n = min(n, float(b["freedom_inside"]))
+    extra = (b["free_unknowns"] - a["free_unknowns"]) * np.log(n / b["n_sources"])
+    before, after = (max(told["cost"] + told["priors_cost"], 1e-300) for told in (a, b))
+    return bool(n * np.log(after / before) + extra < 0.0)
