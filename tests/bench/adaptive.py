@@ -41,6 +41,7 @@ READINGS = 20.0  # a √C
 SNR_DB = 20.0
 KNOWN = Medium(spread_m=1.0, static=True)
 LEAST_LEG = 0.8
+TURN_OFF_RAD = math.radians(4.0)  # turns are flown so far off what the vehicle was told
 FIRST_SEED = 90_000
 WANTED = {"star {7/3}": (1.4, 1.7), "star {5/2}": (1.15, 1.3)}  # times smaller: median, 90 %
 
@@ -101,10 +102,11 @@ def advised(scene: Scene, seed: int, seen: float, rng: np.random.Generator) -> t
     region = Region(tuple(middle - BOX), tuple(middle + BOX))
     adviser = Adviser(Assumed(KNOWN, k, Known(k, region, (1.0, 1.0))), seed=seed)
     path, legs, seconds = FIVE[:2], [scene.leg(FIVE[0], FIVE[1], 0.0, rng)], []
+    told: list[float] = []
     while (left := LENGTH - sum(leg.length_m for leg in legs)) > LEAST_LEG:
         begun = time.perf_counter()
         so_far = Flight((*legs[:-1], _cut(legs[-1], seen)))
-        advice = adviser.advise(so_far, Limits(left, least_leg_m=LEAST_LEG))
+        advice = adviser.advise(so_far, Limits(left, least_leg_m=LEAST_LEG), told)
         seconds.append(time.perf_counter() - begun)
         if advice is None:
             path = np.vstack([path, FIVE[len(path)]])  # the plan, of which nothing was changed yet
@@ -112,8 +114,15 @@ def advised(scene: Scene, seed: int, seen: float, rng: np.random.Generator) -> t
             heading = math.atan2(*(path[-1] - path[-2])[::-1]) + advice.turn_rad[0]
             step = advice.length_m[0] * np.array([math.cos(heading), math.sin(heading)])
             path = np.vstack([path, path[-1] + step])
+        told.append(_turn(path) + TURN_OFF_RAD * rng.standard_normal())
         legs.append(scene.leg(path[-2], path[-1], LENGTH - left, rng))
     return scene.error(estimate(Flight(tuple(legs)), KNOWN, k), path), seconds
+
+
+def _turn(path: Array) -> float:
+    """The last, positive to the left."""
+    (ax, ay), (bx, by) = np.diff(path[-3:], axis=0)
+    return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
 def _cut(leg: Leg, seen: float) -> Leg:
