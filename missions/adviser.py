@@ -7,17 +7,17 @@ alone, then by the estimator's answers as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.align import to_canonical
-from dslam_mav.dslam.belief import Belief, Known, believed
+from dslam_mav.dslam.belief import Belief, believed
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.dslam.expected import Sensing
+from dslam_mav.dslam.known import Known
 from dslam_mav.dslam.layouts import Prior, Region, drawn
 from dslam_mav.dslam.problem import steadied
 from dslam_mav.dslam.reduce import at_once
@@ -78,15 +78,15 @@ class Adviser:
         next_legs(Flown(path, layouts), Sensing(1.0, 5.0, spread_unknown=known.spread_m[0] < known.spread_m[1]), limits,
                   np.random.default_rng(0))  # fmt: skip
 
-    def advise(self, flight: Flight, limits: Limits, turn_rad: Sequence[float] | None = None) -> Advice | None:
-        """What to fly after the last leg of `flight`, whose readings may still be few; None: what is planned.
+    def advise(self, flight: Flight, limits: Limits, turn_rad: ArrayLike | None = None) -> Advice:
+        """What to fly after the last leg of `flight`, whose readings may still be few.
 
         `turn_rad`: the turns between its legs as the vehicle was told to fly them, the first positive.
         """
         with self._threads.limit(limits=1, user_api="blas"):  # more are slower on matrices so small
             return self._advise(flight, limits, turn_rad)
 
-    def _advise(self, flight: Flight, limits: Limits, turn_rad: Sequence[float] | None) -> Advice | None:
+    def _advise(self, flight: Flight, limits: Limits, turn_rad: ArrayLike | None) -> Advice:
         result = self._estimate(flight)
         if result is not None and self._reached(result):
             return Advice((), (), float(result.sd_m.max()), result, reached=True)

@@ -1,7 +1,7 @@
 """The legs to fly next: turns and lengths relative to the leg just flown that leave the least error to expect.
 
 Without GPS nothing but the turn from the leg just flown means the same to the estimator and to the vehicle. Minimised
-is the mean logarithm of the sources' RMS error by the bound (theory, section 9) over what may be true after the legs
+is the power mean of the sources' RMS error by the bound (theory, section 9) over what may be true after the legs
 flown so far: every draw goes on from where it believes to be. Draws far apart make the legs that come serve all of
 them, and so tell them apart.
 """
@@ -30,7 +30,7 @@ TURN_OFF_RAD = math.radians(4.0)
 POINTS_PER_SPREAD = 5.0
 TRIED, DESCENDED, JUDGED = 30, 4, 4
 ITERATIONS = 20
-POWER = 1.0
+POWER = 0.5  # of the mean of errors: between what lowers the median most and what lowers the tail
 ANSWERS = 18  # told apart
 NO_FENCE = Fence()
 FENCE_WEIGHT = 300.0
@@ -39,8 +39,8 @@ MOST_APART = 1.2  # legs' lengths, in logarithms either way
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flown:
-    """What may be true: `vertices_m` (M, L+1, 2) of the legs flown, and the sources of each; `rivals`: what may be taken
-    for true in its place (None: nothing else).
+    """What may be true: `vertices_m` (M, L+1, 2) of the legs flown, and the sources of each; `rivals`: what besides may
+    be taken for true in its place.
     """
 
     vertices_m: Array

@@ -110,8 +110,6 @@ class Steering:
         begun_s = time.monotonic()
         advice = self._steered.adviser.advise(_flight(way), limits, self._told(way))
         self._advice_s = max(self._advice_s if self.changes else 0.0, time.monotonic() - begun_s)
-        if advice is None:
-            return
         sense = first_turn(self.held) or 1.0
         turns = [sense * turn for turn in advice.turn_rad]
         number = len(way.legs)

@@ -9,14 +9,14 @@ and it sees the alternatives while they still can be told apart. Canonical gauge
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dslam_mav.dslam.descent import Chains, Pull, Seen, cost_ahead, cost_of, descended
-from dslam_mav.dslam.layouts import AMPLITUDE_RATIO, APART_SPREADS, Layouts, Prior, Region, drawn
+from dslam_mav.dslam.known import Known, anchors, middle, off_turn, plausibility, precision
+from dslam_mav.dslam.layouts import Layouts
 from dslam_mav.records import Estimate, Flight
 
 Array = NDArray[np.float64]
@@ -28,27 +28,7 @@ SCANNED = 48  # headings of a leg more
 POINTS_PER_SPREAD = 5.0
 SLIDE, SETTLE = 24, 10  # iterations with a draw's own noise, and without
 EVIDENCE_TEMPERATURE = 2.0  # likelihoods of local answers are trusted to half their logarithm
-LEVEL_LOG_SD = 0.5  # of all peaks together
-PEAK_LOG_SD = math.hypot(LEVEL_LOG_SD, math.log(AMPLITUDE_RATIO) / math.sqrt(12.0))
-PLACE_SD_EXTENTS = 1.0 / math.sqrt(12.0)
-TURN_SD_RAD, STRAY = math.radians(10.0), 4.0
-BEYOND_EXTENTS, CLOSER_SPREADS, UNEQUAL_LOG = 0.05, 0.1, 0.2
-"""How far beyond the region, nearer to each other and less equal than the prior allows a draw's sources may still be."""
-SURE = 1e-4
 QUIETEST = 1e-3  # of the readings' range
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """What is known besides readings: how many sources, in which region (canonical gauge), √C from … to at the first
-    reading, its rate 4μ where the field evolves, and the ambient level (None: unknown).
-    """
-
-    k_sources: int
-    region: Region
-    spread_m: tuple[float, float]
-    rate_m2_s: float = 0.0
-    ambient: float | None = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,23 +66,23 @@ def believed(
     rng: np.random.Generator,
     before: Belief | None = None,
     estimate: Estimate | None = None,
-    turn_rad: Sequence[float] | None = None,
+    turn_rad: ArrayLike | None = None,
 ) -> Belief:
     """What may be true after a flight of straight legs; `before`: what was believed some legs ago, `estimate`: of the
     same legs, `turn_rad` (L−1,): the turns between them as the vehicle was told to fly them, the first positive.
     """
     told = np.asarray(() if turn_rad is None else turn_rad, dtype=np.float64)
     seen = seen_of(flight, known)
-    anchor = _anchors(seen, known, rng)
+    anchor = anchors(seen, known, CHAINS, rng)
     starts = _starts(_Begin(seen, told, rng), anchor, before, estimate)
     anchor = replace(anchor, theta=starts.theta)
-    precision = _precision(seen, known)
-    pull = Pull(anchor.vector(), precision, rng.standard_normal((len(anchor), seen.reading.size)))
+    sure = precision(seen, known)
+    pull = Pull(anchor.vector(), sure, rng.standard_normal((len(anchor), seen.reading.size)))
     held = descended(starts, seen, pull, SLIDE).upright()
-    calm = Pull(_middle(seen, known, anchor).vector(), precision, np.zeros_like(pull.noise))
+    calm = Pull(middle(seen, known, anchor).vector(), sure, np.zeros_like(pull.noise))
     settled = descended(held, seen, calm, SETTLE).upright()
     evidence = -0.5 * cost_of(settled, seen, calm) / EVIDENCE_TEMPERATURE
-    known_too = _plausibility(held, known, told)
+    known_too = plausibility(held, known, told)
     layouts = Layouts(
         held.place, np.exp(held.log_peak), np.exp(0.5 * held.log_spread2), np.full(len(held), known.rate_m2_s)
     )
@@ -145,73 +125,6 @@ def noise_of(flight: Flight) -> float:
     whole = np.concatenate([leg.reading for leg in flight.legs])
     rough = 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(20.0)
     return max(rough, QUIETEST * float(np.ptp(whole)), 1e-12)
-
-
-def _anchors(seen: Seen, known: Known, rng: np.random.Generator) -> Chains:
-    """A draw from the prior for every chain."""
-    region = Region(known.region.low[:2], known.region.high[:2])
-    prior = Prior((known.k_sources, known.k_sources), known.spread_m, region)
-    try:
-        some = drawn(prior, CHAINS, rng)[0]
-    except ValueError:  # too little room to keep apart
-        some = drawn(replace(prior, apart_m=0.0), CHAINS, rng)[0]
-    level, peak = _level(seen, known)
-    height = math.log(peak) + LEVEL_LOG_SD * rng.standard_normal((CHAINS, 1))
-    return Chains(
-        np.zeros((CHAINS, 1)), some.places, height + np.log(some.peak), 2.0 * np.log(some.spread_m),
-        np.full(CHAINS, level),
-    )  # fmt: skip
-
-
-def _plausibility(chains: Chains, known: Known, told: Array) -> Array:
-    """(M,) ln of how well the sources keep to the prior, of which the chains' anchors are only an echo, and the turns
-    to those told.
-    """
-    low, high = (np.asarray(corner)[:2] for corner in (known.region.low, known.region.high))
-    beyond = np.maximum(np.maximum(low - chains.place, chains.place - high), 0.0) / (BEYOND_EXTENTS * (high - low))
-    first, second = np.triu_indices(known.k_sources, 1)
-    gap = np.linalg.norm(chains.place[:, first] - chains.place[:, second], axis=2)
-    spread = np.exp(0.5 * chains.log_spread2)[:, None]
-    closer = np.maximum(APART_SPREADS - gap / spread, 0.0) / CLOSER_SPREADS
-    unequal = np.maximum(np.ptp(chains.log_peak, axis=1) - math.log(AMPLITUDE_RATIO), 0.0) / UNEQUAL_LOG
-    bent = _off_turn(np.diff(chains.theta, axis=1)[:, : told.size], told)
-    off2 = (beyond**2).sum(axis=(1, 2)) + (closer**2).sum(axis=1) + unequal**2 + (bent**2).sum(axis=1)
-    return np.asarray(-0.5 * off2)
-
-
-def _off_turn(turn: Array, told: Array) -> Array:
-    """In standard deviations; further off than `STRAY` says no more."""
-    off = np.remainder(turn - told + math.pi, 2.0 * math.pi) - math.pi
-    return np.asarray(np.clip(off / TURN_SD_RAD, -STRAY, STRAY))
-
-
-def _middle(seen: Seen, known: Known, like: Chains) -> Chains:
-    level, peak = _level(seen, known)
-    return Chains(
-        like.theta,
-        np.broadcast_to(known.region.middle[:2], like.place.shape).copy(),
-        np.full_like(like.log_peak, math.log(peak)),
-        np.full_like(like.log_spread2, float(np.log(known.spread_m).sum())),
-        np.full_like(like.ambient, level),
-    )
-
-
-def _level(seen: Seen, known: Known) -> tuple[float, float]:
-    """Ambient level and the peak to expect of a source."""
-    level = float(seen.reading.min()) if known.ambient is None else known.ambient
-    return level, max(float(np.abs(seen.reading - level).max()), 3.0 * seen.noise_sd)
-
-
-def _precision(seen: Seen, known: Known) -> Array:
-    """(P,) how surely each unknown is known before: one over its standard deviation."""
-    k, headings = known.k_sources, seen.length.size - 1
-    wide = PLACE_SD_EXTENTS * known.region.extent[:2]
-    low, high = np.log(known.spread_m)
-    spread = max(2.0 * (high - low) / math.sqrt(12.0), SURE)
-    ambient = SURE * seen.noise_sd if known.ambient is not None else float(np.ptp(seen.reading)) + seen.noise_sd
-    return np.concatenate(
-        [np.zeros(headings), np.tile(1.0 / wide, k), np.full(k, 1.0 / PEAK_LOG_SD), [1.0 / spread, 1.0 / ambient]]
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,11 +174,11 @@ def _longer(chains: Chains, begin: _Begin) -> Chains:
     theta = chains.theta[:, :n_legs]
     while (leg := theta.shape[1]) < n_legs:
         around = math.pi if leg == 1 else 2.0 * math.pi  # the first turn is to +y
-        tried = (begin.rng.random() + np.arange(SCANNED)) * (around / SCANNED)
+        tried = np.asarray((begin.rng.random() + np.arange(SCANNED)) * (around / SCANNED), dtype=np.float64)
         corner = replace(chains, theta=theta).vertices(seen.length[:leg])[:, -1]
         cost = cost_ahead(chains, corner, tried, seen.only(leg))
         if begin.told.size:
-            cost += _off_turn(tried - theta[:, -1:], begin.told[leg - 1]) ** 2
+            cost += off_turn(tried - theta[:, -1:], begin.told[leg - 1]) ** 2
         lucky = begin.rng.gumbel(size=cost.shape) - 0.5 * cost
         theta = np.column_stack([theta, tried[lucky.argmax(axis=1)]])
     return replace(chains, theta=theta)
