@@ -3,8 +3,8 @@
 Random scenes (K sources in a ±1.6 √C box, ≥ 0.8 √C apart, amplitudes within a factor four; noise 20 dB below the star's
 readings, the same for every mission; 20 readings a √C) flown leg by leg, the legs to come advised while `SHARE` of the
 leg under way has been read and turns are told 4° off, beside the fixed stars {7/3} and {5/2} of equal length. All goes
-through the estimator; the error is the RMS over the sources. Exit code 1 where advised flights are not so much better as
-wanted.
+through the estimator; the error is the RMS over the sources. Exit code 1 where advised flights are not so much better
+as wanted.
 """
 
 from __future__ import annotations
