@@ -14,13 +14,10 @@ from dslam_mav.dslam.layouts import Layouts, Prior, Region, drawn, noise_below
 from dslam_mav.dslam.outlook import LAYOUTS, Outlook, Range, outlook
 from dslam_mav.records import Prediction
 from dslam_mav.records.arrays import Array
-from dslam_mav.records.prediction import LEG_SPREADS, READINGS_PER_SPREAD, SNR_DB
+from dslam_mav.records.prediction import FAINTEST, LEG_SPREADS, READINGS_PER_SPREAD, SNR_DB, layouts_for
 
 UNKNOWN_NUMBER = (2, 4)  # of sources, where it is left open
-MOST_LEGS = 60  # with more, fewer layouts: the time grows with the cube
 TOO_MANY_LEGS = 200  # a flight waits for its forecast
-FEWEST_LAYOUTS = 20
-FAINTEST = 1e-15  # of the peak: no sensor's noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +40,9 @@ def forecast(vertices_m: ArrayLike, assumed: Assumptions, sensor: Sensor) -> Pre
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
     if not (0 < len(lengths) <= TOO_MANY_LEGS and np.isfinite(lengths).all() and lengths.min() > 0.0):
         return None
-    count = max(FEWEST_LAYOUTS, round(LAYOUTS * min(1.0, (MOST_LEGS / len(lengths)) ** 2)))
     prior = _prior(path, assumed, sensor, float(lengths.max()) / LEG_SPREADS)
     try:
-        groups = drawn(prior, count, np.random.default_rng(0))
+        groups = drawn(prior, layouts_for(LAYOUTS, len(lengths)), np.random.default_rng(0))
         sensing = _sensing(assumed, sensor, prior, groups)
         seen = outlook(path, groups, sensing)
         return _prediction(prior, sensing, float(lengths.sum()), seen)

@@ -10,13 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import ThreadpoolController
 
 from dslam_mav.dslam.align import to_canonical
-from dslam_mav.dslam.belief import Belief, Known, believed
+from dslam_mav.dslam.belief import Belief, believed
 from dslam_mav.dslam.estimator import estimate
 from dslam_mav.dslam.expected import Sensing
+from dslam_mav.dslam.known import Known
 from dslam_mav.dslam.layouts import Prior, Region, drawn
 from dslam_mav.dslam.problem import steadied
 from dslam_mav.dslam.reduce import at_once
@@ -25,10 +26,7 @@ from missions.next_legs import Flown, Limits, Proposal, next_legs
 
 Array = NDArray[np.float64]
 
-DRAWS = 32
-MANY, PATIENT = 4, 0.7
-"""With so many sources the plan is kept until this share of the length is flown: what few readings leave open of so
-many unknowns is more than the draws can tell, and legs chosen by it are worse than a star's."""
+DRAWS, RIVALS = 64, 14
 FEWEST_LEGS = 3  # for the estimator
 FIRST_GUESS_K = 3
 SPREAD_AGAIN = 1.15  # √C may be this far off what was estimated
@@ -80,27 +78,29 @@ class Adviser:
         next_legs(Flown(path, layouts), Sensing(1.0, 5.0, spread_unknown=known.spread_m[0] < known.spread_m[1]), limits,
                   np.random.default_rng(0))  # fmt: skip
 
-    def advise(self, flight: Flight, limits: Limits) -> Advice | None:
-        """What to fly after the last leg of `flight`, whose readings may still be few; None: what is planned."""
-        with self._threads.limit(limits=1, user_api="blas"):  # more are slower on matrices so small
-            return self._advise(flight, limits)
+    def advise(self, flight: Flight, limits: Limits, turn_rad: ArrayLike | None = None) -> Advice:
+        """What to fly after the last leg of `flight`, whose readings may still be few.
 
-    def _advise(self, flight: Flight, limits: Limits) -> Advice | None:
+        `turn_rad`: the turns between its legs as the vehicle was told to fly them, the first positive.
+        """
+        with self._threads.limit(limits=1, user_api="blas"):  # more are slower on matrices so small
+            return self._advise(flight, limits, turn_rad)
+
+    def _advise(self, flight: Flight, limits: Limits, turn_rad: ArrayLike | None) -> Advice:
         result = self._estimate(flight)
         if result is not None and self._reached(result):
             return Advice((), (), float(result.sd_m.max()), result, reached=True)
         known = self._known(result)
         if limits.length_m < LEFT_SPREADS * known.spread_m[0]:
             return Advice((), (), float("nan"), result, reached=False)
-        flown_m = float(flight.lengths_m.sum())
-        if known.k_sources >= MANY and flown_m < PATIENT * (flown_m + limits.length_m):
-            return None
         usable = result if result is not None and np.isfinite(result.sources.position_m).all() else None
         seen = _as_seen(flight, self._assumed.medium if usable is None else usable.medium)
-        self._belief = believed(seen, known, self._rng, self._belief, usable)
+        self._belief = believed(seen, known, self._rng, self._belief, usable, turn_rad)
         draws = self._belief.part(DRAWS, self._rng)
         sensing = self._sensing(flight, self._belief)
-        proposal = next_legs(Flown(draws.vertices_m, draws.layouts), sensing, limits, self._rng, self._before)
+        rivals = self._belief.rivals(RIVALS, self._rng)
+        flown = Flown(draws.vertices_m, draws.layouts, Flown(rivals.vertices_m, rivals.layouts))
+        proposal = next_legs(flown, sensing, limits, self._rng, self._before)
         self._before = replace(proposal, turn_rad=proposal.turn_rad[1:], length_m=proposal.length_m[1:])
         return Advice(proposal.turn_rad, proposal.length_m, float(np.exp(proposal.log_error)), usable, reached=False)
 

@@ -61,6 +61,13 @@ def vertices_to_come(mission: Mission, end_seq: int, turn_rad: Sequence[float], 
     return np.asarray(plan.vertices_m[j] + np.vstack([np.zeros((1, 2)), np.cumsum(steps.reshape(-1, 2), axis=0)]))
 
 
+def turns_so_far(mission: Mission, end_seq: int) -> Array:
+    """Radians between the legs up to the one that ends at item `end_seq`, positive to the side of the first turn."""
+    plan = leg_plan(mission)
+    turn = np.diff(plan.headings_rad[: plan.sequence.index(end_seq)])
+    return np.asarray((first_turn(mission) or 1.0) * (np.remainder(turn + math.pi, 2.0 * math.pi) - math.pi))
+
+
 def first_turn(mission: Mission) -> float:
     """+1 where its first turn is to the left, -1 to the right (0: it never turns)."""
     heading = leg_plan(mission).headings_rad

@@ -1,7 +1,7 @@
 """The legs to fly next: turns and lengths relative to the leg just flown that leave the least error to expect.
 
 Without GPS nothing but the turn from the leg just flown means the same to the estimator and to the vehicle. Minimised
-is the mean logarithm of the sources' RMS error by the bound (theory, section 9) over what may be true after the legs
+is the power mean of the sources' RMS error by the bound (theory, section 9) over what may be true after the legs
 flown so far: every draw goes on from where it believes to be. Draws far apart make the legs that come serve all of
 them, and so tell them apart.
 """
@@ -30,6 +30,7 @@ TURN_OFF_RAD = math.radians(4.0)
 POINTS_PER_SPREAD = 5.0
 TRIED, DESCENDED, JUDGED = 30, 4, 4
 ITERATIONS = 20
+POWER = 0.5  # of the mean of errors: between what lowers the median most and what lowers the tail
 ANSWERS = 18  # told apart
 NO_FENCE = Fence()
 FENCE_WEIGHT = 300.0
@@ -38,10 +39,13 @@ MOST_APART = 1.2  # legs' lengths, in logarithms either way
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flown:
-    """What may be true: `vertices_m` (M, L+1, 2) of the legs flown, and the sources of each."""
+    """What may be true: `vertices_m` (M, L+1, 2) of the legs flown, and the sources of each; `rivals`: what besides may
+    be taken for true in its place.
+    """
 
     vertices_m: Array
     layouts: Layouts
+    rivals: Flown | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,17 +84,19 @@ class _Ahead:
     def __call__(self, x: Array) -> tuple[float, Array]:
         """Mean ln error with what the fence costs, and its derivatives."""
         value, moves, along, lengths = self._paths(x, gradient=True)
+        mean, share = _mean(value)
+        moves = moves * share[:, None, None]
         done = self.flown.vertices_m
         # the last vertex flown stays where it is, and turns act on those after it
         tail = np.concatenate([np.zeros((len(done), 1, 2)), moves[:, done.shape[1] :]], axis=1)
         back = chained(tail, along, lengths, lengths / lengths.sum())
         outside, by_outside = self.outside(x)
         # the first heading is the first turn's
-        return float(value.mean()) + outside, back[2:] / len(done) + by_outside
+        return mean + outside, back[2:] + by_outside
 
     def value(self, x: Array) -> float:
         """Without derivatives."""
-        return float(self._paths(x, gradient=False)[0].mean()) + self.outside(x)[0]
+        return _mean(self._paths(x, gradient=False)[0])[0] + self.outside(x)[0]
 
     def errors2_m2(self, x: Array) -> Array:
         """(M,) the bound on the sources' mean squared error."""
@@ -132,6 +138,8 @@ def next_legs(
         candidates.append(found.x)
     chosen = np.unique(np.linspace(0, len(flown.layouts) - 1, ANSWERS).astype(np.int64))
     some = Answers.of(flown.vertices_m[chosen], flown.layouts.chosen(chosen))
+    if flown.rivals is not None:
+        some = some.beside(Answers.of(flown.rivals.vertices_m, flown.rivals.layouts))
     judged = [(_expected(x, ahead, some, chosen), x) for x in candidates]
     value, best = min(judged, key=lambda one: one[0])
     turn, length = _legs(best, limits)
@@ -143,7 +151,14 @@ def _expected(x: Array, ahead: _Ahead, some: Answers, chosen: NDArray[np.int64])
     turn, length = _legs(x, ahead.limits)
     sharp = ahead.errors2_m2(x)[chosen]
     confused = some.confusion_m2(turn, length, ahead.sensing)
-    return float(0.5 * np.log(sharp + confused).mean()) + ahead.outside(x)[0]
+    return _mean(0.5 * np.log(sharp + confused))[0] + ahead.outside(x)[0]
+
+
+def _mean(log_error: Array) -> tuple[float, Array]:
+    """ln of the power mean of errors, and each one's share in its derivative."""
+    worth = np.exp(POWER * (log_error - log_error.max()))
+    mean = float(log_error.max() + np.log(worth.mean()) / POWER)
+    return mean, np.asarray(worth / worth.sum())
 
 
 def _legs(x: Array, limits: Limits) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dslam_mav.assumptions import Assumptions
-from dslam_mav.dslam.belief import Known
+from dslam_mav.dslam.known import Known
 from dslam_mav.dslam.layouts import Region
 from dslam_mav.errors import BadInputError
 from dslam_mav.mav.mission.compare import command_name

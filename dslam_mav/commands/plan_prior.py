@@ -12,15 +12,12 @@ import numpy as np
 from dslam_mav.commands.plan_options import LONGEST_M, SHORTEST_M
 from dslam_mav.errors import BadInputError
 from dslam_mav.records.arrays import Array
-from dslam_mav.records.prediction import LEG_SPREADS, READINGS_PER_SPREAD, SNR_DB
+from dslam_mav.records.prediction import FAINTEST, LEG_SPREADS, READINGS_PER_SPREAD, SNR_DB, layouts_for
 from missions.fence import Fence
 
 if TYPE_CHECKING:
     from dslam_mav.dslam.expected import Sensing
     from dslam_mav.dslam.layouts import Layouts, Prior, Region
-
-FAINTEST = 1e-15  # of the peak: no sensor's noise
-MOST_LEGS = 60  # with more, fewer layouts: the time grows with the cube
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +55,7 @@ def expectation(
     """Of a path (L+1, d): for the sources it was made for (`known`), or those the options speak of; without a spread
     said, the longest leg over 3.2 is taken.
     """
-    count = max(20, round(options.layouts * min(1.0, (MOST_LEGS / (len(path) - 1)) ** 2)))
+    count = layouts_for(options.layouts, len(path) - 1)
     if known is not None:
         return expected_in(options, known.region, known.spread_m, speed_m_s, count)
     spread = spread_of(options)

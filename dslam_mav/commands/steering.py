@@ -23,7 +23,7 @@ from dslam_mav.mav.ports import Port
 from dslam_mav.mission import Mission, leg_plan
 from dslam_mav.records import Flight
 from missions.adviser import Advice
-from missions.continued import continued, first_turn, vertices_to_come
+from missions.continued import continued, first_turn, turns_so_far, vertices_to_come
 from missions.fence import Fence
 from missions.next_legs import Limits
 
@@ -108,10 +108,8 @@ class Steering:
         if limits.length_m < LEAST_LEFT * self._steered.total_m:
             return
         begun_s = time.monotonic()
-        advice = self._steered.adviser.advise(_flight(way), limits)
+        advice = self._steered.adviser.advise(_flight(way), limits, self._told(way))
         self._advice_s = max(self._advice_s if self.changes else 0.0, time.monotonic() - begun_s)
-        if advice is None:
-            return
         sense = first_turn(self.held) or 1.0
         turns = [sense * turn for turn in advice.turn_rad]
         number = len(way.legs)
@@ -151,6 +149,11 @@ class Steering:
 
         fence = Fence(seen(steered.fence.within), seen(steered.fence.keep_out))
         return Limits(max(steered.total_m - flown_m, 0.0), least_leg_m=steered.least_leg_m, fence=fence)
+
+    def _told(self, way: UnderWay) -> np.ndarray | None:
+        """The turns so far, as the mission has them; None where a leg in between was not read."""
+        turns = turns_so_far(self.held, way.end_seq)
+        return turns if len(turns) == len(way.legs) - 1 else None
 
     def _in_time(self, asked: UnderWay) -> bool:
         """Whether the leg under way is still the one it was, and lasts long enough for the transfer."""

@@ -12,57 +12,52 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dslam_mav.dslam.descent import Chains, Pull, Seen, cost_of, descended
-from dslam_mav.dslam.layouts import Layouts, Region
+from dslam_mav.dslam.descent import Chains, Pull, Seen, cost_ahead, cost_of, descended
+from dslam_mav.dslam.known import Known, anchors, middle, off_turn, plausibility, precision
+from dslam_mav.dslam.layouts import Layouts
 from dslam_mav.records import Estimate, Flight
 
 Array = NDArray[np.float64]
 
-CHAINS = 80
+CHAINS = 160
 FROM_PRIOR = 0.25  # of the chains begin anew at every leg
 FROM_MODES = 0.35  # begin at what the estimator has found
 SCANNED = 48  # headings of a leg more
 POINTS_PER_SPREAD = 5.0
 SLIDE, SETTLE = 24, 10  # iterations with a draw's own noise, and without
 EVIDENCE_TEMPERATURE = 2.0  # likelihoods of local answers are trusted to half their logarithm
-PEAK_LOG_SD = 0.8
-PLACE_SD_EXTENTS = 0.4  # a uniform draw's own is 0.29
-SURE = 1e-4
 QUIETEST = 1e-3  # of the readings' range
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """What is known besides readings: how many sources, in which region (canonical gauge), √C from … to at the first
-    reading, its rate 4μ where the field evolves, and the ambient level (None: unknown).
-    """
-
-    k_sources: int
-    region: Region
-    spread_m: tuple[float, float]
-    rate_m2_s: float = 0.0
-    ambient: float | None = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """M draws: `vertices_m` (M, L+1, 2) of the legs flown, `layouts` of M, `weight` (M,) that sum to 1."""
+    """M draws: `vertices_m` (M, L+1, 2) of the legs flown, `layouts` of M, `weight` (M,) that sum to 1; `by_readings`
+    (M,) as well, by them alone: the estimator knows nothing of region, peaks and turns told.
+    """
 
     vertices_m: Array
     layouts: Layouts
     weight: Array
+    by_readings: Array
     chains: Chains
     noise_sd: float
 
     def part(self, count: int, rng: np.random.Generator) -> Belief:
         """`count` of them, drawn evenly by weight, which then are alike."""
+        return self._some(count, self.weight, rng)
+
+    def rivals(self, count: int, rng: np.random.Generator) -> Belief:
+        """`count` of them, drawn by what the readings say: what the estimator may take for true."""
+        return self._some(count, self.by_readings, rng)
+
+    def _some(self, count: int, weight: Array, rng: np.random.Generator) -> Belief:
         at = (np.arange(count) + rng.random()) / count
-        index = np.minimum(np.searchsorted(np.cumsum(self.weight), at), len(self.weight) - 1)
+        index = np.minimum(np.searchsorted(np.cumsum(weight), at), len(weight) - 1)
         even = np.full(count, 1.0 / count)
         some = self.layouts.chosen(index)
-        return Belief(self.vertices_m[index], some, even, self.chains.part(index), self.noise_sd)
+        return Belief(self.vertices_m[index], some, even, even, self.chains.part(index), self.noise_sd)
 
 
 def believed(
@@ -71,25 +66,34 @@ def believed(
     rng: np.random.Generator,
     before: Belief | None = None,
     estimate: Estimate | None = None,
+    turn_rad: ArrayLike | None = None,
 ) -> Belief:
     """What may be true after a flight of straight legs; `before`: what was believed some legs ago, `estimate`: of the
-    same legs.
+    same legs, `turn_rad` (L−1,): the turns between them as the vehicle was told to fly them, the first positive.
     """
+    told = np.asarray(() if turn_rad is None else turn_rad, dtype=np.float64)
     seen = seen_of(flight, known)
-    anchor = _anchors(seen, known, rng)
-    starts = _starts(seen, anchor, rng, before, estimate)
+    anchor = anchors(seen, known, CHAINS, rng)
+    starts = _starts(_Begin(seen, told, rng), anchor, before, estimate)
     anchor = replace(anchor, theta=starts.theta)
-    precision = _precision(seen, known)
-    pull = Pull(anchor.vector(), precision, rng.standard_normal((len(anchor), seen.reading.size)))
-    drawn = descended(starts, seen, pull, SLIDE).upright()
-    calm = Pull(_middle(seen, known, anchor).vector(), precision, np.zeros_like(pull.noise))
-    settled = descended(drawn, seen, calm, SETTLE).upright()
+    sure = precision(seen, known)
+    pull = Pull(anchor.vector(), sure, rng.standard_normal((len(anchor), seen.reading.size)))
+    held = descended(starts, seen, pull, SLIDE).upright()
+    calm = Pull(middle(seen, known, anchor).vector(), sure, np.zeros_like(pull.noise))
+    settled = descended(held, seen, calm, SETTLE).upright()
     evidence = -0.5 * cost_of(settled, seen, calm) / EVIDENCE_TEMPERATURE
-    weight = np.exp(evidence - evidence.max())
+    known_too = plausibility(held, known, told)
     layouts = Layouts(
-        drawn.place, np.exp(drawn.log_peak), np.exp(0.5 * drawn.log_spread2), np.full(len(drawn), known.rate_m2_s)
+        held.place, np.exp(held.log_peak), np.exp(0.5 * held.log_spread2), np.full(len(held), known.rate_m2_s)
     )
-    return Belief(drawn.vertices(seen.length), layouts, weight / weight.sum(), drawn, seen.noise_sd)
+    return Belief(
+        held.vertices(seen.length), layouts, _shares(evidence + known_too), _shares(evidence), held, seen.noise_sd
+    )
+
+
+def _shares(evidence: Array) -> Array:
+    weight = np.exp(evidence - evidence.max())
+    return np.asarray(weight / weight.sum())
 
 
 def seen_of(flight: Flight, known: Known) -> Seen:
@@ -123,53 +127,16 @@ def noise_of(flight: Flight) -> float:
     return max(rough, QUIETEST * float(np.ptp(whole)), 1e-12)
 
 
-def _anchors(seen: Seen, known: Known, rng: np.random.Generator) -> Chains:
-    """A draw from the prior for every chain."""
-    k = known.k_sources
-    low, size = np.asarray(known.region.low)[:2], known.region.extent[:2]
-    level, peak = _level(seen, known)
-    spread = np.log(known.spread_m)
-    return Chains(
-        np.zeros((CHAINS, 1)),
-        low + size * rng.random((CHAINS, k, 2)),
-        math.log(peak) + PEAK_LOG_SD * rng.standard_normal((CHAINS, k)),
-        2.0 * rng.uniform(spread[0], spread[1], CHAINS),
-        np.full(CHAINS, level),
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Begin:
+    """What every chain that begins goes by."""
+
+    seen: Seen
+    told: Array
+    rng: np.random.Generator
 
 
-def _middle(seen: Seen, known: Known, like: Chains) -> Chains:
-    level, peak = _level(seen, known)
-    return Chains(
-        like.theta,
-        np.broadcast_to(known.region.middle[:2], like.place.shape).copy(),
-        np.full_like(like.log_peak, math.log(peak)),
-        np.full_like(like.log_spread2, float(np.log(known.spread_m).sum())),
-        np.full_like(like.ambient, level),
-    )
-
-
-def _level(seen: Seen, known: Known) -> tuple[float, float]:
-    """Ambient level and the peak to expect of a source."""
-    level = float(seen.reading.min()) if known.ambient is None else known.ambient
-    return level, max(float(np.abs(seen.reading - level).max()), 3.0 * seen.noise_sd)
-
-
-def _precision(seen: Seen, known: Known) -> Array:
-    """(P,) how surely each unknown is known before: one over its standard deviation."""
-    k, headings = known.k_sources, seen.length.size - 1
-    wide = PLACE_SD_EXTENTS * known.region.extent[:2]
-    low, high = np.log(known.spread_m)
-    spread = max(2.0 * (high - low) / math.sqrt(12.0), SURE)
-    ambient = SURE * seen.noise_sd if known.ambient is not None else float(np.ptp(seen.reading)) + seen.noise_sd
-    return np.concatenate(
-        [np.zeros(headings), np.tile(1.0 / wide, k), np.full(k, 1.0 / PEAK_LOG_SD), [1.0 / spread, 1.0 / ambient]]
-    )
-
-
-def _starts(
-    seen: Seen, anchor: Chains, rng: np.random.Generator, before: Belief | None, estimate: Estimate | None
-) -> Chains:
+def _starts(begin: _Begin, anchor: Chains, before: Belief | None, estimate: Estimate | None) -> Chains:
     """Where chains begin: at draws from the prior, at those of some legs ago, at what the estimator found."""
     parts, left = [], CHAINS
     modes = [] if estimate is None else [m for m in (estimate, *estimate.alternatives) if _usable(m, anchor)]
@@ -179,10 +146,10 @@ def _starts(
         left -= count
     if before is not None and before.layouts.k_sources == anchor.place.shape[1]:
         count = left - round(FROM_PRIOR * CHAINS)
-        parts.append(before.part(count, rng).chains)
+        parts.append(before.part(count, begin.rng).chains)
         left -= count
     parts.append(anchor.part(np.arange(CHAINS - left, CHAINS)))
-    return _of_all([_longer(part, seen, rng) for part in parts])
+    return _of_all([_longer(part, begin) for part in parts])
 
 
 def _usable(mode: Estimate, anchor: Chains) -> bool:
@@ -201,22 +168,19 @@ def _at_modes(modes: list[Estimate], like: Chains) -> Chains:
     return replace(like, place=place, log_peak=peak, theta=np.array(theta), log_spread2=spread)
 
 
-def _longer(chains: Chains, seen: Seen, rng: np.random.Generator) -> Chains:
+def _longer(chains: Chains, begin: _Begin) -> Chains:
     """With headings for the legs flown since, drawn by how the readings fit each; cut where there are fewer legs."""
-    n_legs = seen.length.size
+    seen, n_legs = begin.seen, begin.seen.length.size
     theta = chains.theta[:, :n_legs]
-    while theta.shape[1] < n_legs:
-        part = seen.first(theta.shape[1] + 1)
-        around = math.pi if theta.shape[1] == 1 else 2.0 * math.pi  # the first turn is to +y
-        tried = (rng.random() + np.arange(SCANNED)) * (around / SCANNED)
-        costs = []
-        for heading in tried:
-            one = replace(chains, theta=np.column_stack([theta, np.full(len(chains), heading)]))
-            costs.append(cost_of(one, part, None))
-        cost = np.array(costs).T
-        lucky = -0.5 * (cost - cost.min(axis=1, keepdims=True)) / max(1.0, 0.02 * part.reading.size)
-        best = np.argmax(lucky + rng.gumbel(size=lucky.shape), axis=1)
-        theta = np.column_stack([theta, tried[best]])
+    while (leg := theta.shape[1]) < n_legs:
+        around = math.pi if leg == 1 else 2.0 * math.pi  # the first turn is to +y
+        tried = np.asarray((begin.rng.random() + np.arange(SCANNED)) * (around / SCANNED), dtype=np.float64)
+        corner = replace(chains, theta=theta).vertices(seen.length[:leg])[:, -1]
+        cost = cost_ahead(chains, corner, tried, seen.only(leg))
+        if begin.told.size:
+            cost += off_turn(tried - theta[:, -1:], begin.told[leg - 1]) ** 2
+        lucky = begin.rng.gumbel(size=cost.shape) - 0.5 * cost
+        theta = np.column_stack([theta, tried[lucky.argmax(axis=1)]])
     return replace(chains, theta=theta)
 
 

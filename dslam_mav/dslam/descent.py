@@ -27,13 +27,12 @@ class Seen:
     grown: Array
     noise_sd: float
 
-    def first(self, n_legs: int) -> Seen:
-        """Of the first legs only."""
-        m = self.leg < n_legs
+    def only(self, leg: int) -> Seen:
+        """Of one leg."""
+        m = self.leg == leg
         return Seen(
-            self.length[:n_legs], self.leg[m], self.along[m], self.reading[m], self.weight[m], self.grown[m],
-            self.noise_sd,
-        )  # fmt: skip
+            self.length, self.leg[m], self.along[m], self.reading[m], self.weight[m], self.grown[m], self.noise_sd
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,13 +96,26 @@ class Pull:
     noise: Array
 
 
-def cost_of(chains: Chains, seen: Seen, pull: Pull | None) -> Array:
+def cost_of(chains: Chains, seen: Seen, pull: Pull) -> Array:
     """(M,) squared weighted residuals, and what the anchors add."""
     residual = _model(chains, seen)[0]
-    if pull is None:
-        return np.asarray((residual**2).sum(axis=1))
     off = (chains.vector() - pull.anchor) * pull.precision
     return np.asarray(((residual + pull.noise) ** 2).sum(axis=1) + (off**2).sum(axis=1))
+
+
+def cost_ahead(chains: Chains, begin: Array, headings: Array, seen: Seen) -> Array:
+    """(M, H) squared weighted residuals on one leg more, from `begin` (M, 2) on, at each of the headings (H,)."""
+    way = np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    first = np.exp(chains.log_spread2)[:, None]
+    c = first + seen.grown
+    peak = np.exp(np.minimum(chains.log_peak, 50.0))
+    told = np.broadcast_to(chains.ambient[:, None, None], (len(chains), headings.size, seen.along.size)).copy()
+    for k in range(peak.shape[1]):
+        off = begin - chains.place[:, k]
+        along = (off @ way.T)[:, :, None]
+        far2 = (off**2).sum(axis=1)[:, None, None] + seen.along * (seen.along + 2.0 * along)
+        told += (peak[:, k, None] * first / c)[:, None] * np.exp(-far2 / c[:, None])
+    return np.asarray(((seen.weight * (told - seen.reading)) ** 2).sum(axis=2))
 
 
 def descended(chains: Chains, seen: Seen, pull: Pull, iterations: int) -> Chains:

@@ -86,6 +86,16 @@ class Layouts:
         return int(self.places.shape[1])
 
 
+def joined(parts: Sequence[Layouts]) -> Layouts:
+    """Some layouts, then others of as many sources."""
+    return Layouts(
+        np.concatenate([p.places for p in parts]),
+        np.concatenate([p.peak for p in parts]),
+        np.concatenate([p.spread_m for p in parts]),
+        np.concatenate([p.rate_m2_s for p in parts]),
+    )
+
+
 def drawn(prior: Prior, count: int, rng: np.random.Generator) -> list[Layouts]:
     """`count` layouts, as many of each number of sources as can be; a ValueError where they do not fit the region."""
     low, high = prior.k_sources

@@ -9,9 +9,16 @@ from dataclasses import dataclass
 LEG_SPREADS = 3.2  # √C is the longest leg over this: the leg the figures of star {7/3} are for
 READINGS_PER_SPREAD = 20.0
 SNR_DB = 20.0
+FAINTEST = 1e-15  # of the peak: no sensor's noise
+MOST_LEGS, FEWEST_LAYOUTS = 60, 20
 
 Range = tuple[float, float]
 """Median and 90 % over flights, in metres; infinite where so many have no answer."""
+
+
+def layouts_for(wanted: int, n_legs: int) -> int:
+    """How many layouts to predict over: fewer for missions of many legs, as the time grows with their cube."""
+    return max(FEWEST_LAYOUTS, round(wanted * min(1.0, (MOST_LEGS / n_legs) ** 2)))
 
 
 @dataclass(frozen=True, slots=True)

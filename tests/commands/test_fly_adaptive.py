@@ -44,11 +44,15 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def advised(monkeypatch: pytest.MonkeyPatch, *, reached_after: int = 99) -> list[int]:
-    """An adviser that always says the same; the list fills with how many legs it was asked after."""
+    """An adviser that always says the same; the list fills with how many legs it was asked after. It is told the turns
+    that the mission has between them.
+    """
     asked: list[int] = []
 
-    def advise(_: Adviser, flight: Flight, limits: Limits) -> Advice:
+    def advise(_: Adviser, flight: Flight, limits: Limits, turn_rad: np.ndarray) -> Advice:
         asked.append(len(flight.legs))
+        assert len(turn_rad) == len(flight.legs) - 1
+        np.testing.assert_allclose(turn_rad[1:], TURN_RAD, atol=2e-3)
         if len(flight.legs) >= reached_after:
             return Advice((), (), 0.5, None, reached=True)
         n = max(1, round(limits.length_m / LEG_M))
@@ -116,7 +120,7 @@ def test_a_change_that_fails_in_flight_leaves_the_old_mission_flying(
 
 
 def test_a_bug_in_the_adviser_does_not_end_the_flight_and_is_told(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(_: Adviser, flight: Flight, limits: Limits) -> Advice:
+    def broken(_: Adviser, flight: Flight, limits: Limits, turn_rad: np.ndarray) -> Advice:
         raise ZeroDivisionError("of all things")
 
     monkeypatch.setattr(Adviser, "advise", broken)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dslam_mav.mission import CMD_CHANGE_SPEED, CMD_JUMP, Mission, MissionItem, leg_plan, with_home_item
-from missions.continued import continued, first_turn, lost_item
+from missions.continued import continued, first_turn, lost_item, turns_so_far
 
 CORNERS = [(0.0, 0.0), (60.0, 0.0), (10.0, 30.0), (50.0, -20.0), (50.0, 40.0)]
 turns = st.floats(-3.1, 3.1)
@@ -62,6 +62,14 @@ def test_the_sense_of_the_first_turn() -> None:
     assert first_turn(mission(CORNERS)) == 1.0
     assert first_turn(mission(turned(CORNERS, 1.0, -1.0))) == -1.0
     assert first_turn(mission(CORNERS[:2])) == 0.0
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_turns_so_far_are_seen_from_the_side_of_the_first(sense: float) -> None:
+    turn, start = [2.5, -2.0, 2.8], mission(turned(CORNERS, 0.7, sense))
+    new = continued(start, leg_plan(start).sequence[1], [sense * t for t in turn], [30.0, 20.0, 25.0])
+    for j, seq in enumerate(leg_plan(new).sequence[1:]):
+        np.testing.assert_allclose(turns_so_far(new, seq), turn[:j], atol=1e-3)
 
 
 def test_only_the_end_of_a_leg_can_be_gone_on_from() -> None:

@@ -40,11 +40,15 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @dataclass
 class Holder:
-    """An ArduPilot's manners: what comes is stored at once. `spoil` breaks the first uploads, in one way or another."""
+    """An ArduPilot's manners: what comes is stored at once; or a PX4's: with the last item, `whole`. `spoil` breaks the
+    first uploads, in one way or another.
+    """
 
     spoil: Callable[[Holder, int, MissionItem], MissionItem | int | None]
     spoilt: int = 1  # uploads
+    whole: bool = False
     items: list[MissionItem] = field(default_factory=lambda: list(OLD.items))
+    coming: list[MissionItem] = field(default_factory=list)
     count: int = 0
     uploads: int = 0
     current: int = FLYING
@@ -65,7 +69,7 @@ class Holder:
     def _step(self, record: Any) -> list[Any]:  # noqa: PLR0911  one return a message
         match record:
             case Count(count):
-                self.count, self.uploads = count, self.uploads + 1
+                self.count, self.uploads, self.coming = count, self.uploads + 1, list(self.items)
                 return [Request(0)]
             case Item(seq, item):
                 kept = self.spoil(self, seq, item) if self.uploads <= self.spoilt else item
@@ -73,10 +77,11 @@ class Holder:
                     return []
                 if isinstance(kept, int):
                     return [Ack(kept)]
-                self.items[seq : seq + 1] = [kept]
+                stored = self.coming if self.whole else self.items
+                stored[seq : seq + 1] = [kept]
                 if seq + 1 < self.count:
                     return [Request(seq + 1)]
-                del self.items[self.count :]
+                self.items = stored[: self.count]
                 return [Ack(ACCEPTED)]
             case RequestList():
                 return [Count(len(self.items))]
@@ -143,9 +148,10 @@ SPOILT: dict[str, Callable[[Holder, int, MissionItem], MissionItem | int | None]
 }
 
 
+@pytest.mark.parametrize("whole", [False, True], ids=["ardupilot", "px4"])
 @pytest.mark.parametrize("how", SPOILT)
-def test_when_it_fails_the_old_mission_stays_and_one_line_says_so(how: str) -> None:
-    holder = Holder(SPOILT[how], spoilt=3 if how.startswith("silent") else 1)
+def test_when_it_fails_the_old_mission_stays_and_one_line_says_so(how: str, *, whole: bool) -> None:
+    holder = Holder(SPOILT[how], spoilt=3 if how.startswith("silent") else 1, whole=whole)
     with ScriptedVehicle(holder.answer) as fake, ground(fake.url) as link:
         with pytest.raises(MissionError) as caught:
             change(link, 1, OLD, NEW, FLYING)
@@ -154,6 +160,7 @@ def test_when_it_fails_the_old_mission_stays_and_one_line_says_so(how: str) -> N
     assert text.endswith("; the old mission stays and is flown on")
     assert "\n" not in text
     assert first_difference(OLD.items, tuple(holder.items)) is None
+    assert holder.current == FLYING
 
 
 def test_a_vehicle_that_takes_neither_is_not_said_to_hold_the_old_one() -> None:
