@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.bound import source_columns
 from dslam_mav.dslam.path import corners
+from dslam_mav.dslam.priors import BESIDE_MATTERS
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import Layout, State
+from dslam_mav.records import Flight
 
 Array = NDArray[np.float64]
 
@@ -57,6 +59,23 @@ def in_order(prob: Problem, state: State) -> State:
     sides = np.ones(prob.dimensions)
     sides[1] = 1.0 if alignment.rotation[1, 1] >= 0.0 or prob.dimensions == 3 else -1.0
     return replace(state, theta=state.theta * sides[1], s=state.s * sides, gap=state.gap * sides)
+
+
+def frame_covariance(flight: Flight, places_m: Array) -> Array:
+    """(K, d, d) what places (K, d) owe to a first leg that was not flown from its one end to the other, but on a line
+    beside them: the canonical gauge begins and ends where the leg did, and readings know its line alone, along it as
+    well as they know where legs begin.
+    """
+    covariance = np.zeros((*places_m.shape, places_m.shape[1]))
+    if not flight.legs or flight.legs[0].beside_m <= BESIDE_MATTERS * flight.legs[0].length_m:
+        return covariance
+    leg = flight.legs[0]
+    x, y = places_m[:, 0] / leg.length_m, places_m[:, 1] / leg.length_m
+    for begun, ended in ((1.0, 0.0), (0.0, 1.0)):  # an end to the side, by one standard deviation
+        off = np.stack([-y * (ended - begun), begun * (1.0 - x) + ended * x], axis=1)
+        covariance[:, :2, :2] += leg.beside_m**2 * off[:, :, None] * off[:, None, :]
+    covariance[:, 0, 0] += leg.corner_sd_m**2
+    return covariance
 
 
 def placed(prob: Problem, state: State, at: Layout) -> Placed:
