@@ -19,6 +19,7 @@ from dslam_mav.legs import FlownLeg, LegCollector, flight_of
 from dslam_mav.mav import results
 from dslam_mav.mav.decode import decode
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame
+from dslam_mav.mav.odometry import OdometryOut
 from dslam_mav.mav.ports import FlightRecorder, OnboardLink
 from dslam_mav.mav.streams import ONBOARD_US, YAW_US, StreamRequests
 from dslam_mav.mav.watch import FlightWatch
@@ -49,7 +50,8 @@ class Onboard:
     """One flight's loop; `run` once. `result` is the last estimate, also after `run` raised a LinkError.
 
     `link` sends as (vehicle's system, 191). With `yaw` ATTITUDE.yaw is collected. `lost_s`, `quiet_s`: see
-    `FlightWatch`; `ask_after_s`: how long a stream may be missing before the vehicle is asked for it.
+    `FlightWatch`; `ask_after_s`: how long a stream may be missing before the vehicle is asked for it; `odometry`: what
+    the vehicle is to be told of its place.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class Onboard:
         lost_s: float = 5.0,
         quiet_s: float = 1.0,
         ask_after_s: float = 2.0,
+        odometry: OdometryOut | None = None,
     ) -> None:
         self.result: Estimate | None = None
         self.collector = collector
@@ -77,9 +80,10 @@ class Onboard:
         self._lost_s = lost_s
         self._quiet_s = quiet_s
         self._worker: ThreadPoolExecutor | None = None
-        self._running: tuple[int, Future[Estimate]] | None = None
+        self._running: tuple[Legs, Future[Estimate]] | None = None
         self._waiting: Legs | None = None
         self._ask_after_s = ask_after_s
+        self._odometry = odometry
         self._streams: StreamRequests | None = None
         self._beat_s = -1e9
         self._legs_flown = 0
@@ -94,7 +98,7 @@ class Onboard:
         before.
         """
         now_s = time.monotonic()
-        wanted_us = ONBOARD_US | (YAW_US if self._yaw else {})
+        wanted_us = ONBOARD_US | (YAW_US if self._yaw or self._odometry else {})
         self._streams = StreamRequests(self._system, wanted_us, now_s, ask_after_s=self._ask_after_s)
         watch = FlightWatch(self._system, now_s, lost_s=self._lost_s, quiet_s=self._quiet_s)
         with ThreadPoolExecutor(max_workers=1, thread_name_prefix="estimate") as self._worker:
@@ -117,6 +121,7 @@ class Onboard:
                 watch.see(frame, now_s)
                 self._see(frame, now_s)
                 self._take(frame)
+                self._navigate(frame, now_s)
             elif broken is not None:
                 return None if watch.ended else LinkError(f"{broken}, after {self._legs()} flown")
             self._collect_estimate()
@@ -152,6 +157,17 @@ class Onboard:
         if self._streams is not None and source == (self._system, COMPONENT_AUTOPILOT):
             self._streams.see(frame.message, now_s)
 
+    def _navigate(self, frame: Frame, now_s: float) -> None:
+        if self._odometry is None:
+            return
+        muted = self._odometry.muted
+        message = self._odometry.hear(frame.message, self.collector.last_event, now_s)
+        if self._odometry.muted and not muted:
+            self._say(logging.WARNING, "somebody else tells the vehicle where it is: no ODOMETRY is sent")
+        if message is not None:
+            with contextlib.suppress(LinkError):  # the next frame says so
+                self._link.send(message)
+
     def _take(self, frame: Frame) -> None:
         self._recorder.frame(frame.received_ns, frame.raw)
         observation = decode(frame, self._system, yaw=self._yaw)
@@ -176,14 +192,16 @@ class Onboard:
     def _collect_estimate(self) -> None:
         """Publish the estimate that is ready, start the one that waits."""
         if self._running is not None and self._running[1].done():
-            legs_flown, done = self._running
+            legs, done = self._running
             self._running = None
             if (error := done.exception()) is not None:
-                self._say(logging.WARNING, f"no estimate after {count(legs_flown, 'leg')}: {error}")
+                self._say(logging.WARNING, f"no estimate after {count(len(legs), 'leg')}: {error}")
             else:
-                self._publish(done.result(), legs_flown, final=False)
+                if self._odometry is not None:
+                    self._odometry.answered(done.result(), legs)
+                self._publish(done.result(), len(legs), final=False)
         if self._running is None and self._waiting is not None and self._worker is not None:
-            self._running = len(self._waiting), self._submit(self._worker, self._waiting)
+            self._running = self._waiting, self._submit(self._worker, self._waiting)
             self._waiting = None
 
     def _submit(self, worker: ThreadPoolExecutor, legs: Legs) -> Future[Estimate]:
