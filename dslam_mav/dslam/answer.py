@@ -163,6 +163,8 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     cost = float(f.residual @ f.residual) + prob.outside
     places_m = where.sources * unit.length
     own = bound.blocks(where.source_columns, covariance) * unit.length**2
+    if not answers.priors.anchored:
+        own = own + frame_covariance(flight, places_m, answers.loose)
     return Estimate(
         sources=Sources(places_m, amplitude, amplitude / (np.pi * spread2) ** (0.5 * d), activation),
         path=_path(prob, real, where, unit),
@@ -170,7 +172,7 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
         verdict=Verdict.IDENTIFIED,
         reason="",
         spread_m=float(np.sqrt(np.exp(real.log_spread2.mean()))),
-        position_covariance_m2=own if answers.priors.anchored else own + frame_covariance(flight, places_m),
+        position_covariance_m2=own,
         path_aligned_covariance_m2=bound.blocks(aligned, covariance) * unit.length**2,
         parameter_covariance=covariance * np.outer(scale, scale),
         parameter_names=names,

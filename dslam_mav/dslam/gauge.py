@@ -61,20 +61,22 @@ def in_order(prob: Problem, state: State) -> State:
     return replace(state, theta=state.theta * sides[1], s=state.s * sides, gap=state.gap * sides)
 
 
-def frame_covariance(flight: Flight, places_m: Array) -> Array:
-    """(K, d, d) what places (K, d) owe to a first leg that was not flown from its one end to the other, but on a line
-    beside them: the canonical gauge begins and ends where the leg did, and readings know its line alone, along it as
-    well as they know where legs begin.
+def frame_covariance(flight: Flight, places_m: Array, loose: float) -> Array:
+    """(K, d, d) what places (K, d) in the canonical gauge owe to a first leg that readings do not know as the gauge has
+    it: flown on a line beside its two ends, which is all they know of it; and where legs begin beside the corners by
+    `loose` times what is usual (`solve.Task`), begun off its start, and measured too long or too short, by as much.
     """
     covariance = np.zeros((*places_m.shape, places_m.shape[1]))
-    if not flight.legs or flight.legs[0].beside_m <= BESIDE_MATTERS * flight.legs[0].length_m:
+    if not flight.legs:
         return covariance
-    leg = flight.legs[0]
+    leg, ways = flight.legs[0], []
     x, y = places_m[:, 0] / leg.length_m, places_m[:, 1] / leg.length_m
-    for begun, ended in ((1.0, 0.0), (0.0, 1.0)):  # an end to the side, by one standard deviation
-        off = np.stack([-y * (ended - begun), begun * (1.0 - x) + ended * x], axis=1)
-        covariance[:, :2, :2] += leg.beside_m**2 * off[:, :, None] * off[:, None, :]
-    covariance[:, 0, 0] += leg.corner_sd_m**2
+    if leg.beside_m > BESIDE_MATTERS * leg.length_m:
+        ways += [leg.beside_m * np.stack([y, 1.0 - x], axis=1), leg.beside_m * np.stack([-y, x], axis=1)]
+    if drift_m := abs(loose) * leg.corner_sd_m:
+        ways += [drift_m * np.stack([np.ones_like(x), np.zeros_like(y)], axis=1), drift_m * np.stack([x, y], axis=1)]
+    for off in ways:
+        covariance[:, :2, :2] += off[:, :, None] * off[:, None, :]
     return covariance
 
 

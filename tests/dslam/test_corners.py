@@ -128,7 +128,7 @@ def test_a_vehicle_known_to_overshoot_is_not_taken_for_one_that_cuts_corners():
 
 
 def test_a_first_leg_flown_beside_its_ends_widens_the_frame_and_nothing_else():
-    """A source beside the middle of the leg owes to each end half of what that end lies off, and its turn the rest."""
+    """A source owes to each end a share of what that end lies off, and to the turn of their line the rest."""
     case = random_case((4711, 0), 2, 40.0)
     first, *rest = case.flight.legs
     plain, beside = (estimate(Flight((replace(first, beside_m=off), *rest)), MEDIUM, 2) for off in (0.0, 0.05))
@@ -138,3 +138,12 @@ def test_a_first_leg_flown_beside_its_ends_widens_the_frame_and_nothing_else():
     more = beside.position_covariance_m2[0] - plain.position_covariance_m2[0]
     assert more[0, 0] == pytest.approx(0.05**2 * 2.0 * y**2), "the turn"
     assert more[1, 1] == pytest.approx(0.05**2 * ((1.0 - x) ** 2 + x**2))
+
+
+def test_distances_that_drift_widen_the_frame_by_as_much_as_the_corners_are_loose():
+    flight, _ = _with_loose_corners(0, CORNER_SD)
+    loose = estimate(_told(flight, CORNER_SD), MEDIUM, 2)
+    share = abs(loose.diagnostics["corners_loose"]) * CORNER_SD
+    assert share > 0.0
+    least = share**2 * (1.0 + (loose.sources.position_m[0, 0] / flight.legs[0].length_m) ** 2)
+    assert loose.position_covariance_m2[0, 0, 0] > least
