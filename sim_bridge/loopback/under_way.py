@@ -32,12 +32,9 @@ from sim_bridge.loopback.telemetry import (
     build,
 )
 
-_START_GRID_MS = 1000
 _INFO = 6
-_CRITICAL = 2
 
 Peer = Hashable
-Refusal = str  # why not; "" when done
 
 
 class UnderWay:
