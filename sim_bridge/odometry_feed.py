@@ -12,7 +12,8 @@ import threading
 import time
 from typing import Any
 
-from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, messages
+from dslam_mav.mav.frames import COMPONENT_AUTOPILOT
+from dslam_mav.mav.odometry import LOCAL_FRD, Quaternion, Vector, odometry_message
 from dslam_mav.mav.ports import Port
 from dslam_mav.mav.streams import TRUTH_US, StreamRequests
 from dslam_mav.mav.truth import true_place
@@ -21,12 +22,7 @@ from dslam_mav.mission import DEGREES_E7, Home, e7_to_enu
 COMPONENT_ODOMETRY = 197
 _BEAT_S = 1.0
 _POLL_S = 0.05
-_LOCAL_FRD, _BODY_FRD = 20, 12
-_VISION = 2
 _GOOD = 100
-
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]  # w, x, y, z
 
 
 class OdometryFeed:
@@ -80,19 +76,4 @@ class OdometryFeed:
             round(true.latitude_deg * DEGREES_E7), round(true.longitude_deg * DEGREES_E7), self._origin
         )
         place = (north_m, east_m, self._origin.altitude_m - true.altitude_m)
-        unknown = [math.nan] * 21
-        return messages().MAVLink_odometry_message(
-            self._time_ms * 1000, _LOCAL_FRD, _BODY_FRD, *place, list(attitude), *to_body(velocity, attitude),
-            0.0, 0.0, 0.0, unknown, unknown, 0, _VISION, _GOOD,
-        )  # fmt: skip
-
-
-def to_body(vector: Vector, attitude: Quaternion) -> Vector:
-    """A vector in north, east, down as the vehicle turned by `attitude` (body to NED) has it: forward, right, down."""
-    w, x, y, z = attitude
-    n, e, d = vector
-    return (
-        (1 - 2 * (y * y + z * z)) * n + 2 * (x * y + w * z) * e + 2 * (x * z - w * y) * d,
-        2 * (x * y - w * z) * n + (1 - 2 * (x * x + z * z)) * e + 2 * (y * z + w * x) * d,
-        2 * (x * z + w * y) * n + 2 * (y * z - w * x) * e + (1 - 2 * (x * x + y * y)) * d,
-    )
+        return odometry_message(self._time_ms, LOCAL_FRD, place, velocity, attitude, quality=_GOOD)

@@ -82,6 +82,7 @@ class Vehicle:
             listen,
             None if signing is None else Verifier(signing),
             None if link_faults is None else Air(link_faults, seed),
+            alone=self._autopilot.manners.one_client,
         )
         self._clock_s = 0.0
         self._clock_ms = 0
@@ -143,6 +144,7 @@ class Vehicle:
             self._endpoints.send(other, frame.raw)
         if not ours:
             return
+        self._autopilot.overhear(message)
         answers = self._missions.handle(peer, message, time.monotonic())
         if answers is None:
             answers = [(peer, answer) for answer in commands.handle(self._autopilot, peer, message)]

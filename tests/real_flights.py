@@ -69,12 +69,16 @@ def held_against_truth(flight: str, k_sources: int, medium: Medium) -> Held:
     """One flight estimated, its sources assigned to the truth's."""
     result = estimate(read_flight(DATA / "flights" / f"{flight}.tlog"), medium, k_sources)
     spread_m = json.loads((DATA / "flights" / f"{flight}.truth.json").read_text())["spread_sqrtC_m_at_start"]
-    places = to_canonical(flown_path(flight)).apply(truth_of(flight).source_position_m)
+    return held(result, to_canonical(flown_path(flight)).apply(truth_of(flight).source_position_m), spread_m)
+
+
+def held(result: Estimate, places_m: Array, spread_m: float) -> Held:
+    """An answer held against the places (K, 2) of the sources, in its gauge."""
     found = []
     for mode in (result, *result.alternatives):
-        for order in permutations(range(k_sources)):
-            off = mode.sources.position_m[list(order)] - places
+        for order in permutations(range(len(places_m))):
+            off = mode.sources.position_m[list(order)] - places_m
             covariance = mode.position_covariance_m2[list(order)]
             nees = np.einsum("ki,kij,kj->k", off, np.linalg.inv(covariance), off)
             found.append(Held(result, np.linalg.norm(off, axis=1) / spread_m, nees))
-    return min(found, key=lambda held: float(held.error.max()))
+    return min(found, key=lambda each: float(each.error.max()))

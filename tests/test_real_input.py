@@ -5,9 +5,10 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from flown_again import Again, held_again
 from real_flights import DATA, FLIGHTS, held_against_truth, truth_of
 
-from dslam_mav import Verdict
+from dslam_mav import Medium, Verdict
 from dslam_mav.cli import main
 from dslam_mav.dslam.align import to_canonical
 
@@ -60,3 +61,19 @@ def test_recorded_diffusion_over_the_whole_chain(tmp_path, capsys):
         assert result["medium"]["spread_m"] == pytest.approx(10.0, rel=0.25)
         errors.append(result["errors"]["sources_rms_m"] / 10.0)
     assert np.median(errors) < 0.15
+
+
+OTHERS = [
+    Again("rover_gps_k2_static", 2, Medium(static=True, ambient=None), seed=5, every=2),
+    Again("rover_gps_k2_static", 2, Medium(static=True, ambient=None), seed=8, layout=1),
+    Again("copter_flow_k3_static", 3, Medium(static=True, ambient=None), seed=9, layout=2),
+]
+
+
+@pytest.mark.parametrize("again", OTHERS, ids=["rover at 10 Hz", "rover, other sources", "copter, other sources"])
+def test_flights_like_them_over_other_fields_are_found_too(again):
+    """A rover turns on the spot for longer than it drives, and begins its legs 1.6 m beside their lines."""
+    held = held_again(again)
+    assert held.result.verdict in (Verdict.IDENTIFIED, Verdict.AMBIGUOUS)
+    assert held.error.max() <= 0.10
+    assert (held.nees < WITHIN_99).all()

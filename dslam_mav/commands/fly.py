@@ -14,6 +14,7 @@ from dslam_mav.commands.compass import compared
 from dslam_mav.commands.flying import Setup, fly
 from dslam_mav.commands.folder import flight_folder
 from dslam_mav.commands.live import served
+from dslam_mav.commands.odometry import check as check_odometry
 from dslam_mav.commands.outcome import show, write_report
 from dslam_mav.commands.readings import Readings, open_readings, places_m
 from dslam_mav.commands.screen import Screen
@@ -37,6 +38,7 @@ def run(options: Namespace) -> int:
     screen = Screen(json_only=options.json)
     check(options)
     setup = _set_up(options, screen)
+    check_odometry(options, setup.assumptions)
     check_mission(options, setup.mission, setup.plan_name)
     for note in setup.notes:
         screen.warn(note)

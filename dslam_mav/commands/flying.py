@@ -18,6 +18,7 @@ from dslam_mav.commands.flight_progress import FlightProgress
 from dslam_mav.commands.folder import point_latest
 from dslam_mav.commands.launching import begin, complain, loopback
 from dslam_mav.commands.meeting import Met, met, suit
+from dslam_mav.commands.odometry import sender
 from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.readings import Readings, left_out
 from dslam_mav.commands.screen import Screen
@@ -138,6 +139,7 @@ def _crew(vehicle: Met, setup: Setup, held: Mission, recorder: Recorder, options
         on_update=updates.append,
         yaw=setup.assumptions.heading == "vehicle",
         ask_after_s=vehicle.profile.ask_after_s,
+        odometry=sender(options, setup.assumptions, vehicle, held),
     )
     bridge = Bridge(
         vehicle.bridge(),

@@ -16,6 +16,8 @@ from dslam_mav.commands.background import Background, background
 from dslam_mav.commands.flying import ESTIMATE_PATIENCE_S
 from dslam_mav.commands.live import served
 from dslam_mav.commands.meeting import Met, flown, met, planned_path
+from dslam_mav.commands.odometry import check as check_odometry
+from dslam_mav.commands.odometry import sender
 from dslam_mav.commands.outcome import Outcome, show
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.signing import signing_from
@@ -37,6 +39,7 @@ def run(options: Namespace) -> int:
     screen = Screen(json_only=options.json)
     assumptions = assumptions_from(options)
     check(options)
+    check_odometry(options, assumptions)
     out = Path(options.out)
     if out.exists():
         raise BadInputError(f"--out {out}: exists already, and a log is never overwritten")
@@ -74,6 +77,7 @@ def _listen(
             on_update=updates.append,
             yaw=assumptions.heading == "vehicle",
             ask_after_s=vehicle.profile.ask_after_s,
+            odometry=sender(options, assumptions, vehicle, mission),
         )
         with ExitStack() as stack:
             steer(stack, Flying(vehicle, held, collector, recorder, assumptions), options, screen)

@@ -192,6 +192,16 @@ def feed_odometry(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def send_odometry(parser: argparse.ArgumentParser) -> None:
+    """Tell the vehicle where the answer has it; see `commands.odometry`."""
+    parser.add_argument(
+        "--send-odometry",
+        action="store_true",
+        help="send the vehicle ODOMETRY of where the answer has it, once there is one; with --heading vehicle or plan, "
+        "and not while somebody else sends some",
+    )
+
+
 def signing_key(parser: argparse.ArgumentParser) -> None:
     """The key for MAVLink's message signing; see `commands.signing`."""
     parser.add_argument(

@@ -115,6 +115,7 @@ def _onboard(commands: Commands) -> None:
     live(parser)
     shared.assumptions(parser)
     shared.adaptive(parser)
+    shared.send_odometry(parser)
     shared.vehicle_link(parser)
 
 
@@ -135,6 +136,7 @@ def _fly(commands: Commands) -> None:
     parser.add_argument("--here", action="store_true", help="fly the PLAN from where the vehicle stands")
     shared.truth_from(parser)
     shared.feed_odometry(parser)
+    shared.send_odometry(parser)
     live(parser)
     parser.add_argument("--out", metavar="DIR", default="logs", help="parent of the flight's folder (default: logs)")
     parser.add_argument(

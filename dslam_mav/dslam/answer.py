@@ -11,7 +11,7 @@ from dslam_mav.dslam import bound, certify
 from dslam_mav.dslam.answers import Answers
 from dslam_mav.dslam.certify import Noise
 from dslam_mav.dslam.fit import Fit
-from dslam_mav.dslam.gauge import Placed, in_order, placed
+from dslam_mav.dslam.gauge import Placed, frame_covariance, in_order, placed
 from dslam_mav.dslam.joint import evaluate, model_of
 from dslam_mav.dslam.priors import without_scale
 from dslam_mav.dslam.problem import Problem, problem, steadied
@@ -142,14 +142,18 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     real = in_si(state, unit)
     amplitude, spread2 = np.exp(real.log_amplitude), np.exp(real.log_spread2)
     fitted, activation = _fitted(flight, medium, prob, real, _rate_told(at, info.covariance, prob, state))
+    places_m = where.sources * unit.length
+    own = bound.blocks(where.source_columns, covariance) * unit.length**2
+    if not answers.priors.anchored:
+        own = own + frame_covariance(flight, places_m, answers.loose)
     return Estimate(
-        sources=Sources(where.sources * unit.length, amplitude, amplitude / (np.pi * spread2) ** (0.5 * d), activation),
+        sources=Sources(places_m, amplitude, amplitude / (np.pi * spread2) ** (0.5 * d), activation),
         path=_path(prob, real, where, unit),
         medium=fitted,
         verdict=Verdict.IDENTIFIED,
         reason="",
         spread_m=float(np.sqrt(np.exp(real.log_spread2.mean()))),
-        position_covariance_m2=bound.blocks(where.source_columns, covariance) * unit.length**2,
+        position_covariance_m2=own,
         path_aligned_covariance_m2=bound.blocks(aligned, covariance) * unit.length**2,
         parameter_covariance=covariance * np.outer(scale, scale),
         parameter_names=names,

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.bound import source_columns
 from dslam_mav.dslam.path import corners
+from dslam_mav.dslam.priors import BESIDE_MATTERS
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import Layout, State
+from dslam_mav.records import Flight
 
 Array = NDArray[np.float64]
 
@@ -57,6 +59,25 @@ def in_order(prob: Problem, state: State) -> State:
     sides = np.ones(prob.dimensions)
     sides[1] = 1.0 if alignment.rotation[1, 1] >= 0.0 or prob.dimensions == 3 else -1.0
     return replace(state, theta=state.theta * sides[1], s=state.s * sides, gap=state.gap * sides)
+
+
+def frame_covariance(flight: Flight, places_m: Array, loose: float) -> Array:
+    """(K, d, d) what places (K, d) in the canonical gauge owe to a first leg that readings do not know as the gauge has
+    it: flown on a line beside its two ends, which is all they know of it; and where legs begin beside the corners by
+    `loose` times what is usual (`solve.Task`), begun off its start, and measured too long or too short, by as much.
+    """
+    covariance = np.zeros((*places_m.shape, places_m.shape[1]))
+    if not flight.legs:
+        return covariance
+    leg, ways = flight.legs[0], []
+    x, y = places_m[:, 0] / leg.length_m, places_m[:, 1] / leg.length_m
+    if leg.beside_m > BESIDE_MATTERS * leg.length_m:
+        ways += [leg.beside_m * np.stack([y, 1.0 - x], axis=1), leg.beside_m * np.stack([-y, x], axis=1)]
+    if drift_m := abs(loose) * leg.corner_sd_m:
+        ways += [drift_m * np.stack([np.ones_like(x), np.zeros_like(y)], axis=1), drift_m * np.stack([x, y], axis=1)]
+    for off in ways:
+        covariance[:, :2, :2] += off[:, :, None] * off[:, None, :]
+    return covariance
 
 
 def placed(prob: Problem, state: State, at: Layout) -> Placed:

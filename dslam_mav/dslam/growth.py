@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dslam_mav.dslam.align import to_canonical
 from dslam_mav.dslam.bound import source_columns
 from dslam_mav.dslam.expected import QUIET, vertex_columns
+from dslam_mav.dslam.gauge import frame_covariance
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.kernels.expected import Unknown
 from dslam_mav.dslam.path import path_columns
@@ -52,9 +53,19 @@ def growth(flight: Flight, estimate: Estimate, medium: Medium, heading_sd_rad: f
         return None
     prob, unit = _problem(flight, estimate, medium, heading_sd_rad)
     try:
-        return _growth(flight, prob, _state(prob, unit, estimate), unit, estimate.noise_sd / unit.reading)
+        grown = _growth(flight, prob, _state(prob, unit, estimate), unit, estimate.noise_sd / unit.reading)
     except np.linalg.LinAlgError:
         return None
+    return None if grown is None else _in_its_frame(grown, flight, estimate)
+
+
+def _in_its_frame(grown: Growth, flight: Flight, estimate: Estimate) -> Growth:
+    """With what the sources owe to a first leg that is not as the gauge has it, as the answer has it: from leg 1 on."""
+    if estimate.gauge != "canonical":
+        return grown
+    places_m, loose = estimate.sources.position_m, float(estimate.diagnostics.get("corners_loose", 0.0))
+    owed = np.trace(frame_covariance(flight, places_m, loose), axis1=1, axis2=2) / places_m.shape[1]
+    return replace(grown, source_sd_m=np.hypot(grown.source_sd_m, np.sqrt(owed)))
 
 
 @QUIET

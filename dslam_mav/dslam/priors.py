@@ -13,7 +13,7 @@ from dslam_mav.dslam.path import corners, vertices
 from dslam_mav.dslam.problem import Known, Problem
 from dslam_mav.dslam.state import State
 from dslam_mav.dslam.units import Units
-from dslam_mav.records import Flight, Leg
+from dslam_mav.records import Flight
 from dslam_mav.records.arrays import finite, number, read_only
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ USUAL_LAG = 0.02  # of the flight: where an unknown lag is looked for, …
 LAG_LOG_SD = 2.0  # … give or take this standard deviation of its logarithm
 EXTENT_SD = 0.3
 BESIDE_MATTERS = 1e-3  # of a leg: legs that begin nearer to their lines begin on them
-OVERSHOT_SHARE = 1.0 / 200.0  # of a leg: what a vehicle came back before its end says that it had overshot it
+OVERSHOT_SHARE = 1.0 / 50.0  # of a leg: a vehicle that flies so far past its corners and back begins its legs there
 CLOSED_SHARE = 1e-3  # of the path: how well a path said to be closed closes
 POINT_SHARE = 1e-4  # of the path: how well a known point is known
 LEAST_SD = 1e-6  # of the path, or a radian: as exact as a prior may be
@@ -43,8 +43,8 @@ class Priors:
     """`heading_rad` (L,) with their sd, counter-clockwise from east; `closed_sd_m` of the closure; known points.
 
     `point_index` (M,) vertices lie at `points_m` (M, d); `length_sd_m` (L,) of leg lengths,
-    `corner_sd_m` (L − 1,) of where the next leg begins, `beside_m` (L − 1,) how far beside its line that is,
-    where the corner was `overshot` (L − 1,) past the leg before. `ambient`: level and standard deviation; `noise`: a
+    `corner_sd_m` (L − 1,) of where the next leg begins, `beside_m` (L − 1,) how far beside its line that is, on
+    either side unless the corners are known to be `overshot`. `ambient`: level and standard deviation; `noise`: a
     reading's standard deviation measured elsewhere, and its degrees of freedom.
     """
 
@@ -56,7 +56,7 @@ class Priors:
     length_sd_m: Array | None = None
     corner_sd_m: Array | None = None
     beside_m: Array | None = None
-    overshot: NDArray[np.bool_] | None = None
+    overshot: bool = False
     ambient: tuple[float, float] | None = None
     noise: tuple[float, float] | None = None
 
@@ -95,14 +95,10 @@ def priors_of(
     corner = np.array([leg.corner_sd_m for leg in flight.legs[:-1]])
     far = any(leg.beside_m > BESIDE_MATTERS * leg.length_m for leg in flight.legs[1:])
     beside = np.array([leg.beside_m if far else 0.0 for leg in flight.legs[1:]])
-    overshot = np.array([_overshot(leg) for leg in flight.legs[:-1]], dtype=np.bool_)
+    overshot = [leg.overshot_m > OVERSHOT_SHARE * leg.length_m for leg in flight.legs[:-1]]
     lengths_sd, corner_sd, beside_m = (each if (each > 0.0).any() else None for each in (lengths, corner, beside))
-    return Priors(heading, heading_sd, closed_sd_m, index, points, lengths_sd, corner_sd, beside_m, overshot)
-
-
-def _overshot(leg: Leg) -> bool:
-    """Whether the leg was flown past its end, and back."""
-    return bool(leg.reading.size) and float(leg.distance_m.max() - leg.distance_m[-1]) > OVERSHOT_SHARE * leg.length_m
+    known = sum(overshot) > len(overshot) // 2
+    return Priors(heading, heading_sd, closed_sd_m, index, points, lengths_sd, corner_sd, beside_m, known)
 
 
 def measured(name: str, pair: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -167,8 +163,7 @@ def _check_reach(flight: Flight, index: NDArray[np.int64], points: Array) -> Non
 
 def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: float = 0.0) -> Problem:
     """With the priors every flight has: on strengths, on the age of a field that hardly evolves, on leg lengths, and,
-    `loose`, on where legs begin: past the corners where it is above 0, before them where it is below, unless these are
-    known to be overshot.
+    `loose`, on where legs begin: past the corners where it is above 0, before them where it is below.
     """
     duration = float(prob.t[-1])
     unaged = prob.rate is None and prob.age is None
@@ -180,8 +175,8 @@ def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loos
     if loose and priors.corner_sd_m is not None:
         sd = abs(loose) * priors.corner_sd_m / unit.length / noise_sd
         corner = np.where(sd > 0.0, np.maximum(sd, FINEST), 0.0)
-        if priors.beside_m is not None and priors.overshot is not None:
-            beside = np.where(priors.overshot, 1.0, np.sign(loose)) * priors.beside_m / unit.length
+        if priors.beside_m is not None:
+            beside = np.sign(loose) * priors.beside_m / unit.length
     known = Known(
         peak=(PLAUSIBLE_PEAK, PEAK_LOG_SD / noise_sd),
         age=(OLDEST_FLIGHTS * duration, AGE_LOG_SD / noise_sd) if unaged else None,

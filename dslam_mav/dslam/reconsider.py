@@ -15,6 +15,7 @@ from dslam_mav.records import Estimate, Flight, Verdict
 
 STANDS = "The field was found to stand still."
 CONTRADICTED = "A field that stands still fits them better than one that evolves with the μ or τ given."
+LITTLE_LEFT = MISFIT_P_VALUE**2  # that distances which drift leave so little is no sign of another model
 DRIFTING = (
     "An ambient level that drifts would explain what is left (--ambient-drift auto; ambient_drift_per_s=None in "
     "Python); so may legs that were not flown as measured."
@@ -44,6 +45,8 @@ def _drifts(question: Question, result: Estimate) -> bool:
     """Whether an ambient level that drifts explains what is left, and nothing else is left then."""
     medium = question.medium
     if medium.ambient is not None or medium.ambient_drift_per_s is None or question.flight.parametric is not None:
+        return False
+    if result.diagnostics["corners_loose"] and result.diagnostics["whiteness_p"] > LITTLE_LEFT:
         return False
     drifting = replace(question, medium=replace(medium, ambient_drift_per_s=None), start=result)
     told = answered(drifting, len(result.sources), patient=_beside_corners(question)).diagnostics

@@ -28,11 +28,12 @@ Array = NDArray[np.float64]
 REGROWN, FEWEST_KEPT = 3, 1  # answers whose legs are looked for again, and legs that are not
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
 FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are believed
+PLAINLY = 6.0  # −2 ln evidence by which readings must speak for corners that are not exact
 DITHERS = (0.02, 0.01)  # of the readings' range: noise to search with where the model does not fit (theory, section 10)
 FEW = 2  # sources whose answer one such search finds
 EASES = (100.0, 10.0)  # answers of the readings alone are led to what else is known by so much slack at first
 SAME_ANSWER_SPREADS = 0.2
-LITTLE = 0.2  # of the usual: how far off legs begin that were flown steadily
+LESSER = (0.3, 0.1)  # of the usual: how far off legs may begin that were flown steadily
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,11 +135,7 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
     found = _found(task, begun, rng)
     if found is None or not task.patient:
         return found
-    best = found
-    for loose in _loosenings(task.priors):
-        freer = _found(replace(task, loose=loose), replace(begun, states=best.ends), rng)
-        if freer is not None and _likelier(freer, best):
-            best = freer
+    best = _loosened(task, found, begun, rng)
     if task.extent_free and best.level.misfit:
         begun = replace(begun, states=(*begun.states, *found.ends))
         shaped = _better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
@@ -146,15 +143,31 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
     return best
 
 
-def _loosenings(priors: Priors) -> tuple[float, ...]:
-    """How legs may begin beside the corners (`Task.loose`), in the order tried: legs that were flown past their ends,
-    or begin on their lines, tell the side themselves.
+def _loosened(task: Task, found: Solution, begun: Starts, rng: np.random.Generator) -> Solution:
+    """The solution, or one whose legs begin beside the corners, where readings speak for that: on the side they speak
+    for unless it is known, as far off as is usual or less.
     """
-    if priors.corner_sd_m is None:
-        return ()
-    told = priors.beside_m is None or bool(np.all(priors.overshot))
-    sides = (1.0,) if told else (1.0, -1.0)
-    return sides if priors.beside_m is None else (*sides, *(LITTLE * side for side in sides))
+
+    def freer(loose: float, ends: tuple[State, ...]) -> Solution | None:
+        return _found(replace(task, loose=loose), replace(begun, states=ends), rng)
+
+    if task.priors.corner_sd_m is None:
+        return found
+    sides = (1.0,) if task.priors.beside_m is None or task.priors.overshot else (1.0, -1.0)
+    freest = _likeliest([freer(side, found.ends) for side in sides])
+    if freest is None:
+        return found
+    lesser = [freer(share * freest.loose, freest.ends) for share in LESSER]
+    best = _likeliest([freest, *lesser]) or found
+    return best if _likelier(best, found, by=PLAINLY) else found
+
+
+def _likeliest(solutions: Sequence[Solution | None]) -> Solution | None:
+    best = None
+    for one in solutions:
+        if one is not None and (best is None or _likelier(one, best)):
+            best = one
+    return best
 
 
 def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
@@ -166,10 +179,12 @@ def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | No
     return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, ends, task.loose)
 
 
-def _likelier(one: Solution, other: Solution) -> bool:
-    """Whether readings speak for one solution rather than another: by Laplace's evidence, at their own noise."""
+def _likelier(one: Solution, other: Solution, *, by: float = 0.0) -> bool:
+    """Whether readings speak for one solution rather than another, `by` so much: by −2 ln of Laplace's evidence, at
+    their own noise.
+    """
     variance = min(one.level.outside, other.level.outside)
-    return _surprise(one, variance) < _surprise(other, variance)
+    return _surprise(one, variance) + by < _surprise(other, variance)
 
 
 def _surprise(solution: Solution, variance: float) -> float:

@@ -31,6 +31,8 @@ STRAIGHT_SHARE = 0.6
 """A way over items nobody reported is a leg only if its ends are so far apart, as a share of the way."""
 
 AUTOPILOT = 1
+COPIED_BYTES = 9
+"""Of a reading's name PX4 keeps so many when it sends it on."""
 
 
 @dataclass(slots=True)
@@ -51,9 +53,9 @@ class Samples:
 class FlownLeg:
     """One leg as flown: readings `value` (N,) at `time_ms` (N,) int64, `distance_m` (N,) along it.
 
-    It was flown on a line that passes `beside_m` from where it began. Times are the vehicle's, unwrapped; `zero_ms` is
-    when the flight began: its first way between two vertices of the plan, flown with the same clock, or without a plan
-    its first leg; used or not.
+    It was flown on a line that passes `beside_m` from where it began, `end_beside_m` from where it ended, and up to
+    `overshot_m` past its end. Times are the vehicle's, unwrapped; `zero_ms` is when the flight began: its first way
+    between two vertices of the plan, flown with the same clock, or without a plan its first leg; used or not.
     """
 
     start_seq: int
@@ -67,6 +69,8 @@ class FlownLeg:
     mode: Distance
     zero_ms: int = 0
     beside_m: float = 0.0
+    end_beside_m: float = 0.0
+    overshot_m: float = 0.0
 
 
 def assemble(
@@ -101,7 +105,7 @@ def assemble(
         chains[-1].append(
             FlownLeg(start.seq, end.seq, start.time_ms, end.time_ms, placed.length_m, placed.distance_m[on_line],
                      time_ms[inside][on_line], value[inside][on_line], placed.mode,
-                     beside_m=placed.beside_m)
+                     beside_m=placed.beside_m, end_beside_m=placed.end_beside_m, overshot_m=placed.overshot_m)
         )  # fmt: skip
     legs = _choose(chains, ways, counts, planned=plan is not None)
     counts["readings used"] = sum(leg.value.size for leg in legs)
@@ -150,15 +154,16 @@ def _straight(placed: Placed, start: Event, end: Event) -> bool:
 def readings_of(samples: Samples) -> tuple[NDArray[np.int64], Array]:
     """Times (N,) and values (N,) of all sensors, the mean where two have the same millisecond.
 
-    What an autopilot repeats of another component's readings is left out: PX4 stamps the copies anew.
+    What an autopilot repeats of another component's readings is left out: PX4 stamps the copies anew, and cuts their
+    names.
     """
     senders: defaultdict[str, set[int]] = defaultdict(set)
     for name, component in samples.readings:
-        senders[name].add(component)
+        senders[name[:COPIED_BYTES]].add(component)
     chosen = [
         taken
         for (name, component), taken in sorted(samples.readings.items())
-        if component != AUTOPILOT or senders[name] == {AUTOPILOT}
+        if component != AUTOPILOT or senders[name[:COPIED_BYTES]] == {AUTOPILOT}
     ]
     if not chosen:
         return np.empty(0, np.int64), np.empty(0)

@@ -12,7 +12,6 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from dslam_mav.legs.assembly import FlownLeg, Samples, assemble, readings_of
 from dslam_mav.legs.clock import VehicleClock
 from dslam_mav.legs.distance import Distance
 from dslam_mav.legs.notes import mean_heading_rad, notes
-from dslam_mav.legs.passing import Event
+from dslam_mav.legs.passed import Passed
 from dslam_mav.legs.plan import PlanFacts
 from dslam_mav.legs.standing import Standing, stand_before
 from dslam_mav.legs.under_way import UnderWay, part_flown
@@ -30,7 +29,7 @@ from dslam_mav.records import Flight, Leg
 
 Array = NDArray[np.float64]
 
-CORNER_SHARE = 1.0 / 200.0
+CORNER_SHARE = 1.0 / 100.0
 """Of a leg: how far from its end the next one may begin. Optical flow drifts that far over a leg, and more."""
 
 BESIDE_SHARE = 0.25
@@ -38,12 +37,6 @@ BESIDE_SHARE = 0.25
 
 LATE_READINGS_MS = 3_000
 """How far dead reckoning must be past a leg's end before a leg without later readings counts as complete."""
-
-SILENT_MS = 1_000
-"""An autopilot that tells no time for longer was not heard, or its telemetry is slow."""
-
-OVERTAKEN_MS = 150
-"""A packet that others have overtaken is no later than that; what is told again after it is meant."""
 
 
 class LegCollector:
@@ -65,26 +58,22 @@ class LegCollector:
         self.clock = VehicleClock()
         self.legs_completed = 0
         self._samples = Samples()
-        self._events: list[Event] = []
-        self._run = self._boot = 0
-        self._current: int | None = None
-        self._current_ms: int | None = None  # when it was last heard that the current item is still ahead
-        self._told = False  # whether the newest event was told since the newest time
-        self._fallen: tuple[int, int] | None = None  # an item before the current one, and when it was heard first
+        self._passed = Passed(plan)
         self._newest_reading_ms = self._newest_odometry_ms = -1
         self._checked = 0
         self._lock = threading.RLock()  # a thread that estimates may ask while another adds
-        self._early: int | None = None  # an item passed before any vehicle time was heard: at the first one
 
     @property
     def last_event(self) -> tuple[int, int] | None:
         """(sequence number, vehicle time in ms) of the last item passed; None before the first."""
-        return (self._events[-1].seq, self._events[-1].time_ms) if self._events else None
+        last = self._passed.last
+        return None if last is None else (last.seq, last.time_ms)
 
     @property
     def settled(self) -> bool:
         """Whether readings have gone past the last item: none of an earlier leg is still to come."""
-        return bool(self._events) and self._newest_reading_ms >= self._events[-1].time_ms
+        last = self._passed.last
+        return last is not None and self._newest_reading_ms >= last.time_ms
 
     @property
     def silent(self) -> bool:
@@ -138,21 +127,20 @@ class LegCollector:
             case Reading():
                 self._reading(observation)
             case Progress():
-                self._progress(observation)
+                self._passed.news(observation, self.clock.newest_ms)
             case Odometry():
                 self._odometry(observation)
             case GroundSpeed():
                 self._speed(observation)
             case Yaw() if math.isfinite(observation.yaw_rad):
                 self._samples.yaw.append((self._autopilot_ms(observation.time_boot_ms), observation.yaw_rad))
-        if self._early is not None and self.clock.newest_ms is not None:
-            self._passed(self._early, reached=True)
-            self._early = None
+        if self.clock.newest_ms is not None:
+            self._passed.clock_set(self.clock.newest_ms)
 
     def legs(self, *, final: bool = False) -> tuple[FlownLeg, ...]:
         """The chain of legs flown; `final`: do not wait for readings that might still come."""
         with self._lock:
-            events = self._events if final else self._events[: self._checked]
+            events = self._passed.events if final else self._passed.events[: self._checked]
             legs, self.legs_counts = assemble(events, self._samples, self.plan, self.distance)
             return legs
 
@@ -160,7 +148,7 @@ class LegCollector:
         """The flight so far with the leg being flown, as far as it is read; None: none is, or it cannot be measured."""
         with self._lock:
             newest_ms = min(self._newest_reading_ms, self._newest_odometry_ms)
-            return part_flown(self._events, self._samples, self.plan, self.distance, newest_ms)
+            return part_flown(self._passed.events, self._samples, self.plan, self.distance, newest_ms)
 
     def flight(self, final: bool = False) -> Flight:
         """The flight of `legs`: see `flight_of`."""
@@ -191,49 +179,6 @@ class LegCollector:
             if not legs or not rows:
                 return None
             return stand_before(legs[0].start_ms, readings_of(self._samples), np.array(rows, dtype=np.float64))
-
-    def _progress(self, progress: Progress) -> None:
-        if progress.reached:
-            self._passed(progress.seq, reached=True)
-            return
-        before, since_ms = self._current, self._current_ms
-        if before is not None and progress.seq < before and not self._jumped_back(progress.seq):
-            return
-        self._current, self._current_ms, self._fallen = progress.seq, self.clock.newest_ms, None
-        if before is not None and progress.seq > before:
-            self._passed(before, reached=False, since_ms=since_ms)  # says the same should ITEM_REACHED be lost
-            for seq in () if self.plan is None else self.plan.vertices:
-                if before < seq < progress.seq:
-                    self._passed(seq, reached=False, since_ms=since_ms, implied=True)
-        elif before is not None and progress.seq < before:
-            self._run += 1
-
-    def _jumped_back(self, seq: int) -> bool:
-        """Whether the mission went back to an earlier item: if that is heard again a while later, and nothing else
-        between. Once is a packet that others have overtaken.
-        """
-        now_ms = self.clock.newest_ms or 0
-        if self._fallen is None:
-            self._fallen = seq, now_ms
-        return now_ms - self._fallen[1] >= OVERTAKEN_MS
-
-    def _passed(self, seq: int, *, reached: bool, since_ms: int | None = None, implied: bool = False) -> None:
-        last = self._events[-1] if self._events and self._events[-1].run == self._run else None
-        if last is not None and (seq == last.seq or (seq < last.seq and not reached)):
-            if reached and self.clock.newest_ms == last.time_ms:
-                self._events[-1] = replace(last, since_ms=None)  # both at once: it is passed now
-            return  # PX4 repeats MISSION_ITEM_REACHED up to ten times
-        if self.clock.newest_ms is None:
-            self._early = seq
-            return
-        if last is not None and seq < last.seq and self.clock.newest_ms - last.time_ms < OVERTAKEN_MS:
-            return
-        if last is not None and seq < last.seq:
-            self._run += 1
-            self._current, self._fallen = seq, None
-        now_ms = self.clock.newest_ms
-        self._events.append(Event(seq, now_ms, self._run, len(self._events), self._boot, since_ms, implied=implied))
-        self._told = True
 
     def _reading(self, reading: Reading) -> None:
         self.names.add(reading.name)
@@ -277,7 +222,7 @@ class LegCollector:
             self.counts["not finite"] += 1
             return
         time_ms = self._autopilot_ms(odometry.time_boot_ms)
-        self._samples.odometry.append((len(self._events), time_ms, *values))
+        self._samples.odometry.append((len(self._passed.events), time_ms, *values))
         self._newest_odometry_ms = max(self._newest_odometry_ms, time_ms)
 
     def _autopilot_ms(self, time_boot_ms: int) -> int:
@@ -287,49 +232,34 @@ class LegCollector:
             self._forget()
         elif new:
             self.counts["restarts"] += 1
-            self._run += 1
-            self._boot += 1
-            self._current = None
-        if self._told and not new and time_ms > self._events[-1].time_ms:
-            self._told = False
-            self._bound(time_ms)
+            self._passed.restarted()
+        else:
+            self._passed.time_told(time_ms)
         return time_ms
-
-    def _bound(self, time_ms: int) -> None:
-        """The events told last were passed before this time. Told after a silence, they were so just before it."""
-        told_ms = self._events[-1].time_ms
-        for k in range(len(self._events) - 1, -1, -1):
-            event = self._events[k]
-            if event.time_ms != told_ms:
-                break
-            if time_ms - told_ms > SILENT_MS:
-                self._events[k] = replace(event, time_ms=time_ms, since_ms=event.earliest_ms)
-            elif event.since_ms is None:
-                self._events[k] = replace(event, until_ms=time_ms)
 
     def _forget(self) -> None:
         """Only readings were heard until now, and they had another clock: nothing of it has a known time."""
         dropped = sum(map(len, self._samples.readings.values()))
         self.counts["off the clock"] += dropped
         self.counts["readings"] -= dropped
-        self._early = self._events[-1].seq if self._events else None
+        self._passed.forget()
         self._samples = Samples()
-        self._events.clear()
         self._checked = self.legs_completed = 0
         self._newest_reading_ms = -1
 
     def _speed(self, speed: GroundSpeed) -> None:
         if self.clock.newest_ms is not None and math.isfinite(speed.speed_m_s):
-            self._samples.speed.append((len(self._events), self.clock.newest_ms, speed.speed_m_s))
+            self._samples.speed.append((len(self._passed.events), self.clock.newest_ms, speed.speed_m_s))
 
     def _complete(self) -> bool:
         before = self.legs_completed
-        while self._checked < len(self._events):
-            event = self._events[self._checked]
+        events = self._passed.events
+        while self._checked < len(events):
+            event = events[self._checked]
             past = self._newest_odometry_ms >= event.time_ms + LATE_READINGS_MS
             if not (past or self._newest_reading_ms >= event.time_ms):
                 break
-            if self._checked and self._events[self._checked - 1].run == event.run:
+            if self._checked and events[self._checked - 1].run == event.run:
                 self.legs_completed += 1
             self._checked += 1
         return self.legs_completed > before
@@ -346,11 +276,16 @@ def flight_of(legs: tuple[FlownLeg, ...]) -> Flight:
 
     A leg between others stays without readings.
     """
-    besides_m = [*(leg.beside_m for leg in legs[1:]), 0.0]
-    return Flight(tuple(_leg(leg, next_m) for leg, next_m in zip(legs, besides_m, strict=False)))
+    besides_m = [leg.beside_m for leg in legs]
+    if legs:
+        besides_m[0] = max(legs[0].beside_m, legs[0].end_beside_m)  # the answer's frame lies between its ends
+    return Flight(tuple(map(_leg, legs, besides_m, [*besides_m[1:], 0.0])))
 
 
-def _leg(leg: FlownLeg, next_beside_m: float) -> Leg:
+def _leg(leg: FlownLeg, beside_m: float, next_beside_m: float) -> Leg:
     time_s = (leg.time_ms - leg.zero_ms) / 1000.0
     corner_sd_m = math.hypot(CORNER_SHARE * leg.length_m, BESIDE_SHARE * next_beside_m)
-    return Leg(leg.length_m, leg.distance_m, time_s, leg.value, corner_sd_m=corner_sd_m, beside_m=leg.beside_m)
+    return Leg(
+        leg.length_m, leg.distance_m, time_s, leg.value,
+        corner_sd_m=corner_sd_m, beside_m=beside_m, overshot_m=leg.overshot_m,
+    )  # fmt: skip

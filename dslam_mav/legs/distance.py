@@ -43,7 +43,7 @@ class Motion:
 class Placed:
     """A leg's believed length, `distance_m` (N,) at the times asked for, and where they are known the metres
     travelled altogether (a leg much shorter than its way was not flown straight) and which readings (N,) its
-    straight part holds. `beside_m`: how far beside that part's line the leg began.
+    straight part holds. `beside_m`: how far beside that part's line the leg began, `end_beside_m` ended.
     """
 
     length_m: float
@@ -52,6 +52,12 @@ class Placed:
     travelled_m: float | None = None
     straight: NDArray[np.bool_] | None = None
     beside_m: float = 0.0
+    end_beside_m: float = 0.0
+
+    @property
+    def overshot_m(self) -> float:
+        """How far past its end it was."""
+        return max(0.0, float(self.distance_m.max(initial=0.0)) - self.length_m)
 
 
 def place(
@@ -102,7 +108,8 @@ def from_odometry(motion: Motion, duration_s: float, time_s: Array) -> Placed | 
     offset_m, slope, straight = straight_part(along_m, across_m, length_m)
     longer = float(np.sqrt(1.0 + slope * slope))
     distance_m = (along_m + slope * across_m) / longer
-    return Placed(length_m / longer, distance_m, "odometry", travelled_m, straight, abs(offset_m) / longer)
+    beside_m, end_beside_m = (abs(each) / longer for each in (offset_m, offset_m + slope * length_m))
+    return Placed(length_m / longer, distance_m, "odometry", travelled_m, straight, beside_m, end_beside_m)
 
 
 def from_velocity(motion: Motion, duration_s: float, time_s: Array) -> Placed | None:

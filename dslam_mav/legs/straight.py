@@ -24,38 +24,46 @@ UNSTEADY_MEDIANS = 5.0
 """… or so many where the median is beyond that share: there corners are not told so well from the rest."""
 
 LEAST_SHARE = 0.5
-"""A leg of whose readings fewer would stay has no straight part: all stay."""
+"""A leg of whose way less would stay has no straight part: all stay."""
 
-ROUNDS = 6
+ROUNDS = 10
 
 
 def straight_part(along_m: Array, across_m: Array, length_m: float) -> tuple[float, float, Mask]:
     """Of places `along_m` (N,) and `across_m` (N,) from the leg's chord, offset at the chord's start and slope of the
-    line that most lie on, and which readings (N,) lie on it: all of them where most lie on none.
+    line that most of the way lies on, and which readings (N,) lie on it: all of them where most of it lies on none.
+
+    Each reading counts by the way flown about it: a vehicle that waits or turns on the spot flies none.
     """
     every = np.ones(along_m.size, dtype=np.bool_)
-    line, on_line = _line(along_m, across_m, every), every
+    way_m = np.abs(np.gradient(along_m)) if along_m.size > 1 else np.zeros(along_m.size)
+    line, on_line = _line(along_m, across_m, way_m), every
     for _ in range(ROUNDS):
         beside = np.abs(across_m - line[0] - line[1] * along_m)
-        near = beside <= _aside_m(beside, length_m)
-        if near.sum() < LEAST_SHARE * near.size or np.array_equal(near, on_line):
+        near = beside <= _aside_m(beside, way_m, length_m)
+        if way_m[near].sum() < LEAST_SHARE * way_m.sum() or np.array_equal(near, on_line):
             break
-        line, on_line = _line(along_m, across_m, near), near
+        line, on_line = _line(along_m, across_m, way_m * near), near
     return *line, on_line
 
 
-def _aside_m(beside_m: Array, length_m: float) -> float:
-    median_m = float(np.median(beside_m)) if beside_m.size else 0.0
+def _aside_m(beside_m: Array, way_m: Array, length_m: float) -> float:
+    median_m = 0.0
+    if way_m.any():
+        order = np.argsort(beside_m, kind="stable")
+        share = np.cumsum(way_m[order])
+        median_m = float(beside_m[order][np.searchsorted(share, 0.5 * share[-1])])
     times = ASIDE_MEDIANS if median_m <= UNSTEADY_SHARE * length_m else UNSTEADY_MEDIANS
     return max(ASIDE_SHARE * length_m, times * median_m)
 
 
-def _line(along_m: Array, across_m: Array, chosen: Mask) -> tuple[float, float]:
-    """Offset and slope of the least-squares line through the chosen places."""
-    s, off = along_m[chosen], across_m[chosen]
-    if s.size < 2:
+def _line(along_m: Array, across_m: Array, weight: Array) -> tuple[float, float]:
+    """Offset and slope of the weighted least-squares line through the places."""
+    total = float(weight.sum())
+    if total == 0.0:
         return 0.0, 0.0
-    middle, mean = float(s.mean()), float(off.mean())
-    spread = float(((s - middle) * (s - middle)).sum())
-    slope = float(((s - middle) * (off - mean)).sum()) / spread if spread > 0.0 else 0.0
+    middle, mean = float((weight * along_m).sum()) / total, float((weight * across_m).sum()) / total
+    s = along_m - middle
+    spread = float((weight * s * s).sum())
+    slope = float((weight * s * (across_m - mean)).sum()) / spread if spread > 0.0 else 0.0
     return mean - slope * middle, slope

@@ -232,7 +232,8 @@ def wait_for_vehicle(link: Port, timeout_s: float) -> int:
             system = int(message.get_srcSystem())
             link.autopilots[system] = (int(message.autopilot), int(message.type))
             return system
-    raise LinkError(f"no vehicle answered on {link.url} within {timeout_s:g} s{link.refusals}")
+    taken = "; a simulator's TCP port serves one at a time" if link.url.startswith("tcp:") else ""
+    raise LinkError(f"no vehicle answered on {link.url} within {timeout_s:g} s{link.refusals}{taken}")
 
 
 def _write_all(descriptor: int, raw: bytes) -> None:

@@ -19,6 +19,7 @@ from dslam_mav.legs import FlownLeg, LegCollector, flight_of
 from dslam_mav.mav import results
 from dslam_mav.mav.decode import decode
 from dslam_mav.mav.frames import COMPONENT_AUTOPILOT, Frame
+from dslam_mav.mav.odometry import OdometryOut
 from dslam_mav.mav.ports import FlightRecorder, OnboardLink
 from dslam_mav.mav.streams import ONBOARD_US, YAW_US, StreamRequests
 from dslam_mav.mav.watch import FlightWatch
@@ -45,11 +46,21 @@ class Update:
     final: bool = False
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Begun:
+    """An estimate under way: flight and legs are one snapshot, more may be flown before it is done."""
+
+    legs: Legs
+    flight: Flight
+    future: Future[Estimate]
+
+
 class Onboard:
     """One flight's loop; `run` once. `result` is the last estimate, also after `run` raised a LinkError.
 
     `link` sends as (vehicle's system, 191). With `yaw` ATTITUDE.yaw is collected. `lost_s`, `quiet_s`: see
-    `FlightWatch`; `ask_after_s`: how long a stream may be missing before the vehicle is asked for it.
+    `FlightWatch`; `ask_after_s`: how long a stream may be missing before the vehicle is asked for it; `odometry`: what
+    the vehicle is to be told of its place.
     """
 
     def __init__(
@@ -65,6 +76,7 @@ class Onboard:
         lost_s: float = 5.0,
         quiet_s: float = 1.0,
         ask_after_s: float = 2.0,
+        odometry: OdometryOut | None = None,
     ) -> None:
         self.result: Estimate | None = None
         self.collector = collector
@@ -77,14 +89,15 @@ class Onboard:
         self._lost_s = lost_s
         self._quiet_s = quiet_s
         self._worker: ThreadPoolExecutor | None = None
-        self._running: tuple[Flight, Future[Estimate]] | None = None
+        self._running: _Begun | None = None
         self._waiting: Legs | None = None
         self._ask_after_s = ask_after_s
+        self._odometry = odometry
         self._streams: StreamRequests | None = None
         self._beat_s = -1e9
         self._legs_flown = 0
         self._progress: Progress | None = None
-        self._text_id = 0
+        self._results = results.Results()
 
     def run(self, stop: threading.Event) -> Estimate | None:
         """Fly along until the mission is over or `stop` is set; the last estimate, None if no leg was flown.
@@ -94,7 +107,7 @@ class Onboard:
         before.
         """
         now_s = time.monotonic()
-        wanted_us = ONBOARD_US | (YAW_US if self._yaw else {})
+        wanted_us = ONBOARD_US | (YAW_US if self._yaw or self._odometry else {})
         self._streams = StreamRequests(self._system, wanted_us, now_s, ask_after_s=self._ask_after_s)
         watch = FlightWatch(self._system, now_s, lost_s=self._lost_s, quiet_s=self._quiet_s)
         with ThreadPoolExecutor(max_workers=1, thread_name_prefix="estimate") as self._worker:
@@ -117,6 +130,7 @@ class Onboard:
                 watch.see(frame, now_s)
                 self._see(frame, now_s)
                 self._take(frame)
+                self._navigate(frame, now_s)
             elif broken is not None:
                 return None if watch.ended else LinkError(f"{broken}, after {self._legs()} flown")
             self._collect_estimate()
@@ -152,6 +166,17 @@ class Onboard:
         if self._streams is not None and source == (self._system, COMPONENT_AUTOPILOT):
             self._streams.see(frame.message, now_s)
 
+    def _navigate(self, frame: Frame, now_s: float) -> None:
+        if self._odometry is None:
+            return
+        muted = self._odometry.muted
+        message = self._odometry.hear(frame.message, self.collector.last_event, now_s)
+        if self._odometry.muted and not muted:
+            self._say(logging.WARNING, "somebody else tells the vehicle where it is: no ODOMETRY is sent")
+        if message is not None:
+            with contextlib.suppress(LinkError):  # the next frame says so
+                self._link.send(message)
+
     def _take(self, frame: Frame) -> None:
         self._recorder.frame(frame.received_ns, frame.raw)
         observation = decode(frame, self._system, yaw=self._yaw)
@@ -175,21 +200,21 @@ class Onboard:
 
     def _collect_estimate(self) -> None:
         """Publish the estimate that is ready, start the one that waits."""
-        if self._running is not None and self._running[1].done():
-            flight, done = self._running
-            self._running = None
-            if (error := done.exception()) is not None:
-                self._say(logging.WARNING, f"no estimate after {count(len(flight.legs), 'leg')}: {error}")
+        if self._running is not None and self._running.future.done():
+            begun, self._running = self._running, None
+            if (error := begun.future.exception()) is not None:
+                self._say(logging.WARNING, f"no estimate after {count(len(begun.legs), 'leg')}: {error}")
             else:
-                self._publish(done.result(), flight, final=False)
+                if self._odometry is not None:
+                    self._odometry.answered(begun.future.result(), begun.legs)
+                self._publish(begun, final=False)
         if self._running is None and self._waiting is not None and self._worker is not None:
             self._running = self._submit(self._worker, self._waiting)
             self._waiting = None
 
-    def _submit(self, worker: ThreadPoolExecutor, legs: Legs) -> tuple[Flight, Future[Estimate]]:
-        """Flight and legs are one snapshot: more may be flown before it is estimated."""
+    def _submit(self, worker: ThreadPoolExecutor, legs: Legs) -> _Begun:
         flight = flight_of(legs)
-        return flight, worker.submit(self._estimate, flight, legs)
+        return _Begun(legs, flight, worker.submit(self._estimate, flight, legs))
 
     def _try_to_finish(self) -> Exception | None:
         """The last estimate; what it raised is logged and given back."""
@@ -211,31 +236,26 @@ class Onboard:
         if not legs or self._worker is None:
             self._say(logging.WARNING, "no leg with readings was flown: nothing to estimate")
             return
-        flight, done = self._submit(self._worker, legs)
-        while not done.done():
+        begun = self._submit(self._worker, legs)
+        while not begun.future.done():
             try:
                 self._keep_in_touch(time.monotonic())
                 self._link.receive(0.05)
             except LinkError:
                 break
         self._legs_flown = len(legs)
-        self._publish(done.result(), flight, final=True)
+        self._publish(begun, final=True)
 
-    def _publish(self, estimate: Estimate, flight: Flight, *, final: bool) -> None:
-        self.result, legs_flown = estimate, len(flight.legs)
-        self._recorder.estimate(time.time_ns(), estimate, legs_flown, final, flight)
+    def _publish(self, begun: _Begun, *, final: bool) -> None:
+        estimate, legs_flown = begun.future.result(), len(begun.legs)
+        self.result = estimate
+        self._recorder.estimate(time.time_ns(), estimate, legs_flown, final, begun.flight)
         lines = results.in_words(estimate, legs_flown, final=final)
         for line in lines:
             self._say(logging.INFO, line)
         try:
-            for message in results.result_messages(estimate, self.collector.clock.newest_ms or 0):
+            for message in self._results.messages(estimate, lines, self.collector.clock.newest_ms or 0):
                 self._link.send(message)
-            for line in lines:
-                self._text_id = self._text_id % 65535 + 1
-                for message in results.status_messages(
-                    line, self._text_id, severity=results.severity(estimate.verdict)
-                ):
-                    self._link.send(message)
         except LinkError as error:
             self._say(logging.WARNING, f"results not sent: {error}")
         self._on_update(Update(legs_flown, estimate, final))

@@ -8,6 +8,7 @@ the canonical gauge) when not, third coordinates `SRCk_U` or `SRCk_Z`; `SRCk_AMP
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from dslam_mav.mav.frames import messages
@@ -46,6 +47,20 @@ def status_messages(text: str, text_id: int, *, severity: int | None = None) -> 
     level = messages().MAV_SEVERITY_INFO if severity is None else severity
     build = messages().MAVLink_statustext_message
     return tuple(build(level, chunk, shared_id, j) for j, chunk in enumerate(chunks))
+
+
+class Results:
+    """The messages of one estimate after the other; each text has a number of its own, so that its chunks are found."""
+
+    def __init__(self) -> None:
+        self._text_id = 0
+
+    def messages(self, estimate: Estimate, lines: Iterable[str], time_boot_ms: int) -> Iterator[Any]:
+        """Every number, then `lines`."""
+        yield from result_messages(estimate, time_boot_ms)
+        for line in lines:
+            self._text_id = self._text_id % 65535 + 1
+            yield from status_messages(line, self._text_id, severity=severity(estimate.verdict))
 
 
 def in_words(estimate: Estimate, legs_flown: int, *, final: bool) -> tuple[str, ...]:

@@ -17,7 +17,9 @@ class Leg:
     `corner_sd_m`: how far the next leg's line may begin from where this one's ends, a standard deviation along each
     axis (drift of the dead reckoning, corners flown round). Corners count as exact where they leave no more than noise.
     `beside_m`: how far from this leg's line it began, where the one before ended: on that one's line, past the corner
-    (overshot) or before it (cut).
+    (overshot) or before it (cut). Of the first leg: how far off its line its two ends lie, to which side nobody knows;
+    the answer's frame, which begins and ends there, is uncertain by that.
+    `overshot_m`: how far the vehicle flew past this leg's end, and back; it tells overshot from cut.
     """
 
     length_m: float
@@ -28,6 +30,7 @@ class Leg:
     rise_m: float | None = None
     corner_sd_m: float = 0.0
     beside_m: float = 0.0
+    overshot_m: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("distance_m", "time_s", "reading"):
@@ -42,7 +45,7 @@ class Leg:
         length = number(self.length_m, "length_m", "a positive length")
         if length <= 0.0:
             raise ValueError(f"length_m: expected a positive length, got {self.length_m}")
-        for name in ("length_sd_m", "corner_sd_m", "beside_m"):
+        for name in ("length_sd_m", "corner_sd_m", "beside_m", "overshot_m"):
             if number(getattr(self, name), name, "0 or more") < 0.0:
                 raise ValueError(f"{name}: expected 0 or more, got {getattr(self, name)}")
         wanted = f"at most the leg's length {length}"

@@ -17,7 +17,6 @@ from sim_bridge.loopback.telemetry import (
 from sim_bridge.loopback.under_way import UnderWay
 
 _START_GRID_MS = 1000
-_INFO = 6
 _CRITICAL = 2
 
 Peer = Hashable

@@ -167,7 +167,8 @@ def _param_set(autopilot: Autopilot, message: Any) -> list[Any]:
 
 
 def _odometry(autopilot: Autopilot, message: Any) -> list[Any]:
-    autopilot.navigation.feed(message.frame_id, message.child_frame_id, autopilot.time_ms)
+    frames, place_m = (message.frame_id, message.child_frame_id), (message.x, message.y, message.z)
+    autopilot.navigation.feed(frames, place_m, message.reset_counter, autopilot.time_ms)
     return []
 
 

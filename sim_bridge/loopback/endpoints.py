@@ -31,18 +31,23 @@ class Peer:
     address: Any
     heard_s: float
     parser: Parser
+    listener: socket.socket | None = None
 
 
 class Endpoints:
     """Listens on every URL: BadInputError on a malformed one, LinkError on a port in use.
 
     With a `verifier` only what it accepts comes through, and who has sent nothing of the kind is no peer. With an `air`
-    what is sent and received goes through it.
+    what is sent and received goes through it. `alone`: a TCP port serves one at a time, and who comes meanwhile waits
+    unheard, as on ArduPilot's simulator.
     """
 
-    def __init__(self, urls: Sequence[str], verifier: Verifier | None = None, air: Air | None = None) -> None:
+    def __init__(
+        self, urls: Sequence[str], verifier: Verifier | None = None, air: Air | None = None, *, alone: bool = False
+    ) -> None:
         self._verifier = verifier
         self._air = air
+        self._alone = alone
         self._bound: list[tuple[str, socket.socket]] = []
         self._udp: dict[tuple[socket.socket, Any], Peer] = {}
         self._tcp: dict[socket.socket, Peer] = {}
@@ -69,7 +74,8 @@ class Endpoints:
 
     def poll(self, timeout_s: float) -> list[tuple[Peer, Frame]]:
         """The frames that came within `timeout_s`, at once if there are some."""
-        watched = [sock for _, sock in self._bound] + list(self._tcp)
+        taken = {peer.listener for peer in self._tcp.values()} if self._alone else set()
+        watched = [sock for _, sock in self._bound if sock not in taken] + list(self._tcp)
         readable, _, _ = select.select(watched, [], [], max(0.0, timeout_s))
         frames: list[tuple[Peer, Frame]] = []
         for sock in readable:
@@ -152,7 +158,7 @@ class Endpoints:
             enlarge_receive_buffer(sock)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             sock.setblocking(False)
-            self._tcp[sock] = Peer(sock, None, 0.0, Parser(self._verifier))
+            self._tcp[sock] = Peer(sock, None, 0.0, Parser(self._verifier), listener)
 
     def _read_stream(self, peer: Peer) -> list[tuple[Peer, Frame]]:
         try:

@@ -31,7 +31,8 @@ class Manners:
     `missions`: which handshake it speaks. `guided_first`: it is armed in GUIDED only. `start_arms`: MISSION_START arms;
     `start_lies`: it accepts a start it will not follow. `ready_ms`: when it can be armed. `moves`: it accelerates,
     overshoots and cuts corners; `accept_m`: where a corner flown past counts as reached. `bytewise`: how whole-number
-    parameters travel. `feed`: what it navigates by.
+    parameters travel. `feed`: what it navigates by. `one_client`: its TCP ports serve one at a time. `echoes`: it sends
+    readings on as its own, late, some only, and tells again which item was reached.
     """
 
     name: str
@@ -47,6 +48,8 @@ class Manners:
     accept_m: float = 0.0
     bytewise: bool = False
     feed: Feed = "gps"
+    one_client: bool = False
+    echoes: bool = False
 
     @property
     def drifts(self) -> bool:
@@ -75,11 +78,11 @@ def manners(profile: str = "strict", feed: str = "gps") -> Manners:
     if profile == "ardupilot":
         return Manners(
             "ardupilot", 3, _ARDUPILOT_MODES, quiet=True, missions="ardupilot", guided_first=True, start_lies=True,
-            ready_ms=_READY_MS[feed], moves=True, accept_m=2.0, feed=feed,  # type: ignore[arg-type]
+            ready_ms=_READY_MS[feed], moves=True, accept_m=2.0, one_client=True, feed=feed,  # type: ignore[arg-type]
         )  # fmt: skip
     if profile == "px4":
         return Manners(
             "px4", 12, missions="px4", start_arms=True, ready_ms=10_000, moves=True, accept_m=10.0, bytewise=True,
-            feed=feed,  # type: ignore[arg-type]
+            echoes=True, feed=feed,  # type: ignore[arg-type]
         )  # fmt: skip
     raise BadInputError(f"vehicle profile {profile!r}: expected {', '.join(PROFILES)}")

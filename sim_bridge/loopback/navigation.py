@@ -17,6 +17,10 @@ from sim_bridge.loopback.flight_model import Place
 from sim_bridge.loopback.manners import Manners
 
 FAILSAFE_MS = 8_000
+JUMP_M = 5.0
+JUMP_FAILSAFE_MS = 11_000
+"""How long a vehicle flies on after its external navigation jumped without saying so."""
+
 _FRESH_MS = 1_000
 _CREEP_M_S = 0.006
 _STRETCH = 0.012
@@ -31,6 +35,8 @@ class Navigation:
         self._manners = manners
         self._origin: Home | None = None
         self._fed_ms = -NEVER_MS
+        self._fed: tuple[Place, int] | None = None
+        self._jumped_ms = NEVER_MS
         draw = np.random.default_rng((seed, 1))
         angle, size = draw.uniform(0.0, math.tau), draw.uniform(0.7, 1.3)
         self._creep_m_s = (size * _CREEP_M_S * math.cos(angle), size * _CREEP_M_S * math.sin(angle))
@@ -49,10 +55,13 @@ class Navigation:
             return True
         return False
 
-    def feed(self, frame: int, child: int, time_ms: int) -> None:
-        """ODOMETRY in (frame, child frame)."""
-        if self._manners.name != "ardupilot" or (frame, child) in _FRAMES:
-            self._fed_ms = time_ms
+    def feed(self, frames: tuple[int, int], place_m: Place, resets: int, time_ms: int) -> None:
+        """ODOMETRY in (frame, child frame), with its place and reset counter."""
+        if self._manners.name == "ardupilot" and frames not in _FRAMES:
+            return
+        if self._fed is not None and math.dist(place_m, self._fed[0]) >= JUMP_M and resets == self._fed[1]:
+            self._jumped_ms = min(self._jumped_ms, time_ms)
+        self._fed_ms, self._fed = time_ms, (place_m, resets)
 
     def why_not(self, time_ms: int) -> str:
         """What keeps it from being armed; "" if nothing."""
@@ -74,7 +83,9 @@ class Navigation:
     @property
     def failsafe_ms(self) -> int:
         """When a vehicle in flight gives up, unless its feed goes on."""
-        return self._fed_ms + FAILSAFE_MS if self._manners.feed == "odometry" else NEVER_MS
+        if self._manners.feed != "odometry":
+            return NEVER_MS
+        return min(self._fed_ms + FAILSAFE_MS, self._jumped_ms + JUMP_FAILSAFE_MS)
 
     def true_m(self, place_m: Place, time_ms: int) -> Place:
         """Where it is when it believes to be at `place_m` (NED)."""

@@ -8,10 +8,12 @@ relative to its start.
 from __future__ import annotations
 
 from collections.abc import Hashable
+from typing import Any
 
 from dslam_mav.mav.frames import messages
 from dslam_mav.mission import Home, MissionItem
 from sim_bridge.loopback.body import Body
+from sim_bridge.loopback.echoes import Echoes
 from sim_bridge.loopback.flight import NEVER_MS, Flight, Outgoing
 from sim_bridge.loopback.flight_model import Segment, Timeline, lay_out, speed_before
 from sim_bridge.loopback.manners import Manners
@@ -30,12 +32,9 @@ from sim_bridge.loopback.telemetry import (
     build,
 )
 
-_START_GRID_MS = 1000
 _INFO = 6
-_CRITICAL = 2
 
 Peer = Hashable
-Refusal = str  # why not; "" when done
 
 
 class UnderWay:
@@ -69,6 +68,7 @@ class UnderWay:
         self._seq = 0
         self._flight: Flight | None = None
         self._corner_ms = -1  # of the last corner reported
+        self._echoes = Echoes(wanted=self.manners.echoes)
         self._out: list[Outgoing] = []
 
     @property
@@ -79,7 +79,7 @@ class UnderWay:
     @property
     def next_event_ms(self) -> int:
         """When `advance` will next have something to send."""
-        return min(self._flight_event_ms(), self.streams.next_ms, self._failsafe_ms())
+        return min(self._flight_event_ms(), self.streams.next_ms, self._failsafe_ms(), self._echoes.due_ms)
 
     def snapshot(self) -> Snapshot:
         """The vehicle now."""
@@ -108,11 +108,19 @@ class UnderWay:
                 self._fail_safe()
             while self._flight_event_ms() == event_ms:
                 self._cross()
+            if (again := self._echoes.again(event_ms)) is not None:
+                self._out.append(Outgoing(again))
             for kind, peer in self.streams.pop(event_ms):
                 self._stream(kind, peer)
         self._move(max(to_ms, self.time_ms))
         out, self._out = self._out, []
         return out
+
+    def overhear(self, message: Any) -> None:
+        """Somebody's message to everybody."""
+        if message.get_type() == "NAMED_VALUE_FLOAT":
+            echo = self._echoes.reading(message, self.time_ms)
+            self._out += [] if echo is None else [Outgoing(echo)]
 
     def say(self, text: str, severity: int = _INFO) -> None:
         """STATUSTEXT to everybody."""
@@ -170,13 +178,19 @@ class UnderWay:
             self._corner_ms = self.time_ms
             self._tell(LOCAL_POSITION_NED)
         if segment.reached:
-            self._out.append(Outgoing(messages().MAVLink_mission_item_reached_message(segment.seq)))
+            self._reached(segment.seq)
+
+    def _reached(self, seq: int) -> None:
+        self._out.append(Outgoing(messages().MAVLink_mission_item_reached_message(seq)))
+        self._echoes.reached(seq, self.time_ms)
 
     def _finish(self, flight: Flight) -> None:
         if flight.is_mission:
             self.mission_state = MissionState.COMPLETE
             self.say("mission complete")
         if flight.timeline.lands:
+            if flight.is_mission and self.manners.echoes:  # PX4 has reached its landing, too
+                self._reached(self._seq)
             self._end_flight(self.mission_state)
         else:
             self._flight = None

@@ -10,6 +10,7 @@ from fakes import flying
 from running import run
 
 from dslam_mav.log.reader import read_log
+from dslam_mav.mav.link import Link
 from dslam_mav.mission import Home, leg_plan
 from missions.plan_file import read_plan
 
@@ -37,13 +38,21 @@ def test_ardupilot_on_optical_flow_over_the_one_place_of_a_tcp_port(flown: Any, 
 
 
 def test_px4_takes_off_and_flies_a_plan_that_has_a_home_item(flown: Any, tmp_path: Path) -> None:
-    with flying(profile="px4", speedup=20.0) as (url,):
-        done = run(
-            "fly", flown.plan, "--scene", flown.scene, "--sources", 2, "--connect", url, "--out", tmp_path / "logs",
-        )  # fmt: skip
+    """And is told where the answer has it, since that was asked for."""
+    words = ("fly", flown.plan, "--scene", flown.scene, "--sources", 2, "--out", tmp_path / "logs", "--send-odometry")
+    with flying(profile="px4", speedup=20.0) as (url,), Link(url, system=255, component=191) as beside:
+        beside.send_heartbeat()
+        refused = run(*words, "--connect", url)
+        assert (refused.code, "expected --heading vehicle or plan" in refused.line()) == (2, True)
+        done = run(*words, "--connect", url, "--heading", "plan")
+        told = []
+        while (frame := beside.receive(0.2)) is not None:
+            told += [frame.message] if frame.message.get_type() == "ODOMETRY" else []
     assert (done.code, done.err) == (0, "")
     assert "get an acceptance radius of 0.5 m" in done.out
     assert "noise sd" in done.out
+    assert {(m.get_srcComponent(), m.frame_id, m.quality) for m in told} == {(191, 1, 100)}
+    assert len({m.reset_counter for m in told}) >= 1
 
 
 def test_odometry_is_fed_by_us_and_several_connections_are_shared_out(flown: Any, tmp_path: Path) -> None:

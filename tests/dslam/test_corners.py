@@ -104,7 +104,9 @@ def _flown_past(case, past, rng) -> tuple[Leg, ...]:
             s[-3:] = length + np.array([0.06, 0.04, 0.02])
         place = at + (begun + s)[:, None] * way
         noisy = field(place, 1.0, case.position_m, case.amplitude) + case.noise_sd * rng.standard_normal(s.size)
-        legs.append(Leg(length, s, leg.time_s, noisy, corner_sd_m=CORNER_SD, beside_m=beside))
+        legs.append(
+            Leg(length, s, leg.time_s, noisy, corner_sd_m=CORNER_SD, beside_m=beside, overshot_m=max(past, 0.0))
+        )
         at, came = at + leg.length_m * way, way
     return tuple(legs)
 
@@ -115,3 +117,33 @@ def test_exact_corners_stay_exact():
         flight, _ = _with_loose_corners(seed, 0.0)
         plain, told = estimate(flight, MEDIUM, 2), estimate(_told(flight, CORNER_SD), MEDIUM, 2)
         assert plain.sources.position_m.tobytes() == told.sources.position_m.tobytes()
+
+
+def test_a_vehicle_known_to_overshoot_is_not_taken_for_one_that_cuts_corners():
+    case = random_case((4712, 0), 2, 40.0)
+    cut = _flown_past(case, -0.1, np.random.default_rng((0, 2)))
+    told = tuple(replace(leg, overshot_m=0.1) for leg in cut)
+    sides = [estimate(Flight(legs), MEDIUM, 2).diagnostics["corners_loose"] for legs in (cut, told)]
+    assert sides[0] < 0.0 <= sides[1]
+
+
+def test_a_first_leg_flown_beside_its_ends_widens_the_frame_and_nothing_else():
+    """A source owes to each end a share of what that end lies off, and to the turn of their line the rest."""
+    case = random_case((4711, 0), 2, 40.0)
+    first, *rest = case.flight.legs
+    plain, beside = (estimate(Flight((replace(first, beside_m=off), *rest)), MEDIUM, 2) for off in (0.0, 0.05))
+    assert np.array_equal(plain.sources.position_m, beside.sources.position_m)
+    assert np.array_equal(plain.path_aligned_covariance_m2, beside.path_aligned_covariance_m2)
+    x, y = plain.sources.position_m[0] / first.length_m
+    more = beside.position_covariance_m2[0] - plain.position_covariance_m2[0]
+    assert more[0, 0] == pytest.approx(0.05**2 * 2.0 * y**2), "the turn"
+    assert more[1, 1] == pytest.approx(0.05**2 * ((1.0 - x) ** 2 + x**2))
+
+
+def test_distances_that_drift_widen_the_frame_by_as_much_as_the_corners_are_loose():
+    flight, _ = _with_loose_corners(0, CORNER_SD)
+    loose = estimate(_told(flight, CORNER_SD), MEDIUM, 2)
+    share = abs(loose.diagnostics["corners_loose"]) * CORNER_SD
+    assert share > 0.0
+    least = share**2 * (1.0 + (loose.sources.position_m[0, 0] / flight.legs[0].length_m) ** 2)
+    assert loose.position_covariance_m2[0, 0, 0] > least

@@ -152,6 +152,14 @@ def test_copies_an_autopilot_makes_of_readings_do_not_count_twice():
     assert collect(own).flight(final=True).n_readings == len(flown.distance_m)  # an autopilot's own sensor
 
 
+def test_copies_under_a_name_cut_short_do_not_count_as_another_sensor():
+    flown = fly()
+    own = [reading(t, 21.0, t, name="THERMAL_AB") for t in flown.distance_m]
+    copies = [reading(t + 3, 999.0, t + 4, name="THERMAL_A", component=1) for t in flown.distance_m]
+    frames = sorted([*without(flown.frames, "NAMED_VALUE_FLOAT"), *own, *copies], key=lambda f: f.received_ns)
+    assert max(leg.reading.max() for leg in collect(frames).flight(final=True).legs) < 100.0
+
+
 def test_two_sensors_are_read_together_and_averaged_where_they_agree_in_time():
     flown = fly()
     second = [reading(t, 40.0, t, name="THERMAL2") for t in flown.distance_m]

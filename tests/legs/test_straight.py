@@ -1,6 +1,7 @@
 """Corners flown round are told from the straight part of a leg, by scalars that know no frame."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +31,17 @@ def test_mirrored_it_is_the_same_to_the_last_bit(slope, swing_m):
     *mirrored, also = straight_part(ALONG, -across, 40.0)
     assert [-each for each in mirrored] == line
     assert np.array_equal(straight, also)
+
+
+def test_readings_of_a_vehicle_that_turns_on_the_spot_do_not_outweigh_its_way():
+    """A rover stands and turns at the corner for longer than it drives, 1.8 m beside where it came from."""
+    standing = np.zeros(600)
+    along = np.concatenate([standing, ALONG])
+    across = np.concatenate([np.linspace(0.0, 1.8, 600), leg_with_corner(-0.03, 0.0) + 1.2])
+    offset_m, slope, straight = straight_part(along, across, 40.0)
+    assert (offset_m, slope) == pytest.approx((1.8, -0.03), abs=1e-3)
+    assert straight[600:].all()
+    assert not straight[:500].any()
 
 
 def test_a_straight_leg_and_an_unsteady_one_keep_all_readings():

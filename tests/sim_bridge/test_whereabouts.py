@@ -12,8 +12,9 @@ import pytest
 
 from dslam_mav.errors import LinkError
 from dslam_mav.mav.frames import Parser, messages
+from dslam_mav.mav.odometry import to_body
 from dslam_mav.mission import Home, enu_to_e7
-from sim_bridge.odometry_feed import OdometryFeed, to_body
+from sim_bridge.odometry_feed import OdometryFeed
 from sim_bridge.whereabouts import Whereabouts
 
 M = messages()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fakes import flying, mission
 
-from dslam_mav.errors import MissionError
+from dslam_mav.errors import LinkError, MissionError
 from dslam_mav.mav.frames import messages
 from dslam_mav.mav.hub import Hub
 from dslam_mav.mav.link import Link, wait_for_vehicle
@@ -252,5 +252,36 @@ def test_odometry_in_other_frames_is_silently_ignored() -> None:
     autopilot = Autopilot(DEFAULT_HOME, manners=manners("ardupilot", "odometry"))
     autopilot.navigation.set_origin(DEFAULT_HOME, 30_000)
     for frames, answer in (((1, 12), "VisOdom: not healthy"), ((20, 12), "")):
-        autopilot.navigation.feed(*frames, 30_000)
+        autopilot.navigation.feed(frames, (0.0, 0.0, 0.0), 0, 30_000)
         assert autopilot.navigation.why_not(30_000) == answer
+
+
+@pytest.mark.parametrize(("resets", "mode"), [(0, "LAND"), (1, "MISSION")])
+def test_a_place_that_jumps_lands_it_unless_a_new_reset_counter_says_so(resets: int, mode: str) -> None:
+    """What every answer of `--send-odometry` must bring."""
+    autopilot = Autopilot(DEFAULT_HOME, manners=manners("ardupilot", "odometry"))
+    autopilot.set_items(with_home_item(mission(SQUARE, hold_s=1.0)).items)
+    autopilot.navigation.set_origin(DEFAULT_HOME, 30_000)
+    autopilot.advance(30_000)
+    autopilot.guided = True
+    for time_ms in range(30_000, 60_000, 100):
+        jumped = time_ms >= 45_000
+        autopilot.navigation.feed((20, 12), (6.0 * jumped, 0.0, -10.0), resets * jumped, time_ms)
+        if time_ms == 30_000:
+            assert autopilot.arm() == ""
+            autopilot.start_mission()
+        autopilot.advance(time_ms)
+        if time_ms == 55_900:
+            assert autopilot.mode.name == "MISSION", "11 s after"
+    assert autopilot.mode.name == mode
+
+
+def test_a_tcp_port_serves_one_at_a_time() -> None:
+    with flying("tcpin:127.0.0.1:0", profile="ardupilot") as (url,):
+        with Link(url, system=255, component=190) as first:
+            wait_for_vehicle(first, 5.0)
+            with Link(url, system=255, component=191) as second:
+                with pytest.raises(LinkError, match=r"no vehicle answered .*serves one at a time"):
+                    wait_for_vehicle(second, 0.5)
+        with Link(url, system=255, component=190) as third:
+            assert wait_for_vehicle(third, 5.0) == 1

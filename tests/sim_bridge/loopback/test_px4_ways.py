@@ -11,12 +11,19 @@ import pytest
 from fakes import flying, mission
 
 from dslam_mav.errors import MissionError
+from dslam_mav.legs import LegCollector
+from dslam_mav.mav.decode import decode
 from dslam_mav.mav.frames import messages
 from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission.messages import to_message
 from dslam_mav.mav.mission.protocol import Item
 from dslam_mav.mav.mission.transfer import download, start, upload
+from dslam_mav.mav.readings import to_message as reading_message
 from dslam_mav.mission import Mission, leg_plan, with_home_item
+from dslam_mav.observations import Reading
+from sim_bridge.loopback.autopilot import Autopilot
+from sim_bridge.loopback.manners import manners
+from sim_bridge.vehicle import DEFAULT_HOME
 
 M = messages()
 
@@ -81,3 +88,37 @@ def test_its_place_comes_back_exactly_and_its_frames_renamed() -> None:
 def test_without_a_mission_a_start_is_denied() -> None:
     with vehicle(speedup=20.0) as link, pytest.raises(MissionError, match="refused the start of its mission: denied"):
         start(link, 1)
+
+
+def test_readings_come_again_as_its_own_late_cut_and_some_only() -> None:
+    """And the collector takes each once: those of who read them."""
+    with flying(profile="px4") as (url,), Link(url, system=1, component=158) as bridge:
+        with Link(url, system=1, component=191) as estimator:
+            wait_for_vehicle(bridge, 5.0)
+            estimator.send_heartbeat()
+            assert hear(estimator, "HEARTBEAT") is not None
+            collector, seen = LegCollector(), []
+            for k in range(20):
+                bridge.send(reading_message(Reading(1000 + k, 20.0 + k, "THERMAL_AB")))
+            until_s = time.monotonic() + 0.5
+            while time.monotonic() < until_s:
+                frame = estimator.receive(0.05)
+                if frame is not None and isinstance(observation := decode(frame, 1), Reading):
+                    seen.append((observation.component, observation.name))
+                    collector.add(observation)
+    assert seen.count((158, "THERMAL_AB")) == 20
+    assert 1 <= seen.count((1, "THERMAL_A")) < 10
+    assert collector.readings()[1].tolist() == [20.0 + k for k in range(20)]
+
+
+def test_an_item_reached_is_told_ten_times_more_and_landing_too() -> None:
+    autopilot = Autopilot(DEFAULT_HOME, manners=manners("px4"))
+    items = mission([(0.0, 0.0), (60.0, 0.0)], hold_s=1.0, speed_m_s=4.0).items
+    autopilot.set_items(items)
+    autopilot.advance(20_000)
+    assert autopilot.start_mission() == ""
+    told = [out.message for out in autopilot.advance(120_000)]
+    seqs = [m.seq for m in told if m.get_type() == "MISSION_ITEM_REACHED"]
+    assert seqs.count(2) == 11, "the last waypoint but one: 15 s until the next"
+    assert seqs[-1] == len(items) - 1
+    assert not autopilot.armed
