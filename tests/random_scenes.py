@@ -134,8 +134,9 @@ def judge(case: Case, k_sources: int) -> Judged:
     begun = time.perf_counter()
     result = estimate(case.flight, case.medium, k_sources)
     seconds = time.perf_counter() - begun
-    best, basin = truth_fit(case), truth_basin(case)
     told = result.diagnostics
+    noise_sd = told.get("priors_noise_sd", case.noise_sd)
+    best, basin = truth_fit(case, noise_sd), truth_basin(case, noise_sd)
     of_priors = told["priors_cost"] / told["cost"] if told.get("cost") else 0.0
     cost = float(result.residual @ result.residual) * (1.0 + of_priors)
     modes = [result, *result.alternatives]
@@ -191,22 +192,22 @@ def bound_at_truth(case: Case) -> float:
     return float(np.sqrt(np.trace(least.position_covariance_m2, axis1=1, axis2=2).mean()))
 
 
-def truth_fit(case: Case) -> fitting.Fit:
+def truth_fit(case: Case, noise_sd: float | None = None) -> fitting.Fit:
     """The joint fit started at the truth."""
-    prob = _with_own_prior(case)
+    prob = _with_own_prior(case, noise_sd)
     return fitting.settled(prob, fitting.fit(prob, _truth(case, prob)))
 
 
-def _with_own_prior(case: Case) -> posing.Problem:
-    """The case's problem as the estimate has it: with its prior on monstrous sources, at the case's own noise."""
+def _with_own_prior(case: Case, noise_sd: float | None = None) -> posing.Problem:
+    """The case's problem as the estimate has it: with its prior on monstrous sources, weighed by the noise it took."""
     prob = posing.problem(case.flight, case.medium)
     peak = PLAUSIBLE_PEAK * float(np.ptp(prob.y))
-    return replace(prob, known=posing.Known(peak=(peak, PEAK_LOG_SD / case.noise_sd)))
+    return replace(prob, known=posing.Known(peak=(peak, PEAK_LOG_SD / (noise_sd or case.noise_sd))))
 
 
-def truth_basin(case: Case) -> fitting.Fit:
+def truth_basin(case: Case, noise_sd: float | None = None) -> fitting.Fit:
     """The fit that small steps from the truth lead to."""
-    prob = _with_own_prior(case)
+    prob = _with_own_prior(case, noise_sd)
     state = _truth(case, prob)
     at = layout(prob, len(state.s))
     for _ in range(FLOW_STEPS):
