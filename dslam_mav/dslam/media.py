@@ -66,12 +66,17 @@ class _Pool:
         """χ² of one degree of freedom."""
         return (self.fits[0].cost + self.prob.outside) / self.prob.n_readings
 
+    @property
+    def measure(self) -> float:
+        """What differences of χ² are measured in."""
+        return max(self.unit, self.prob.doubt)
+
     def judge(self, found: list[Fit]) -> None:
         """Take in a round's answers: those that lead to what is known already are not fitted further."""
         news = hit = False
         for begun in found:
             known = self._known(begun.state)
-            if known is None and not (self.fits and begun.cost > self.fits[0].cost + FAR_BEHIND * self.unit):
+            if known is None and not (self.fits and begun.cost > self.fits[0].cost + FAR_BEHIND * self.measure):
                 known, new = self._add(fit(self.prob, begun.state, iterations=ITERATIONS))
                 news |= new
             hit |= known is not None and known is self.fits[0]
@@ -107,8 +112,8 @@ class _Pool:
         kept = new if same is None or new.cost < same.cost else same
         others = [f for f in self.fits if f is not same]
         self.fits = sorted([*others, kept], key=lambda one: one.cost)
-        self.fits = [f for f in self.fits if f.cost <= self.fits[0].cost + POOL_WINDOW * self.unit]
-        return kept, same is None and new.cost <= self.fits[0].cost + NEWS_WINDOW * self.unit
+        self.fits = [f for f in self.fits if f.cost <= self.fits[0].cost + POOL_WINDOW * self.measure]
+        return kept, same is None and new.cost <= self.fits[0].cost + NEWS_WINDOW * self.measure
 
     def _apart(self, one: Fit, other: Fit) -> float:
         return apart(self.prob, one.state, other.state) / other.state.spread

@@ -187,7 +187,7 @@ def bounded(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loos
         noise_sd=noise_sd,
         beside=beside,
     )
-    return replace(prob, known=known)
+    return replace(prob, known=known, slack=0.0 if loose else prob.slack)
 
 
 def constrained(prob: Problem, noise_sd: float, priors: Priors, unit: Units, *, loose: float = 0.0) -> Problem:

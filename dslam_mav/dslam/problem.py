@@ -14,6 +14,8 @@ from dslam_mav.records import Flight, Medium
 
 Array = NDArray[np.float64]
 
+NUMBERS_A_LEG = 13  # that sources can do to it (compress.py)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Known:
@@ -54,6 +56,8 @@ class Problem:
 
     Many readings are carried by few (reduce.py): then `s`, `t`, `leg` are places of the model, leg j's block of which
     `mix[j]` turns into as many of the numbers `y`; `n_readings` are behind them and `outside` is what they leave over.
+
+    `slack`: how far readings may be off, root mean square, because legs were not flown quite as told.
     """
 
     s: Array
@@ -77,11 +81,17 @@ class Problem:
     mix: tuple[Array, ...] | None = None
     n_readings: int = 0
     outside: float = 0.0
+    slack: float = 0.0
 
     @property
     def n_legs(self) -> int:
         """Straight legs; 0 for a parametric path."""
         return self.length.size
+
+    @property
+    def doubt(self) -> float:
+        """What slack adds to the cost for each of the numbers that a leg's readings can carry."""
+        return self.slack**2 * self.n_readings / (NUMBERS_A_LEG * max(self.n_legs, 1))
 
 
 def problem(flight: Flight, medium: Medium) -> Problem:

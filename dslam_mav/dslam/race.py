@@ -35,7 +35,7 @@ def raced(prob: Problem, states: Sequence[State], eased: Sequence[Problem] = ())
     ordered = sorted((f for f in pool if np.isfinite(f.cost)), key=lambda f: f.cost)
     kept: list[Fit] = []
     for f in ordered:
-        unit = (ordered[0].cost + prob.outside) / prob.n_readings
+        unit = max((ordered[0].cost + prob.outside) / prob.n_readings, prob.doubt)
         if f.cost > ordered[0].cost + FAR_BEHIND * unit:
             break
         if all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):

@@ -36,13 +36,14 @@ class _Progress:
     modes: Modes
     unit: float
     lows: list[float]
+    doubt: float
     quiet: int = 0
 
     def add(self, more: Modes, comp: Compressed) -> None:
         """Judge one round more."""
         before, k_sources = self.modes, self.modes.alpha.shape[1]
         self.lows.append(float(more.cost.min()) if len(more) else np.inf)
-        self.unit = misfit(merge(before, more, np.inf), comp, k_sources)
+        self.unit = max(self.doubt, misfit(merge(before, more, np.inf), comp, k_sources))
         self.modes = merge(before, more, MODE_WINDOW * self.unit)
         improved = not len(before) or self.modes.cost[0] < before.cost[0] - 1e-3 * (1.0 + 1e-3 * before.cost[0])
         news = improved or self.near(self.modes) > self.near(before)
@@ -69,10 +70,14 @@ class _Progress:
         return clear and len(self.modes) == 1 and self.modes.cost[0] < free + CERTAIN_SD * (2.0 * free) ** 0.5
 
 
-def search(comp: Compressed, k_sources: int, rng: np.random.Generator, *, threads: int = 2) -> Modes:
-    """All modes nearly as good as the best; `threads` (1 or 2) changes none of them."""
+def search(
+    comp: Compressed, k_sources: int, rng: np.random.Generator, *, threads: int = 2, doubt: float = 0.0
+) -> Modes:
+    """All modes nearly as good as the best; `threads` (1 or 2) changes none of them. `doubt`: the least χ² a degree of
+    freedom that differences are measured in (`Problem.doubt`).
+    """
     corners = corners_by_energy(comp)
-    progress = _Progress(no_modes(comp.legs.length.size, k_sources), 1.0, [])
+    progress = _Progress(no_modes(comp.legs.length.size, k_sources), 1.0, [], doubt)
 
     def one(index: int, own: np.random.Generator) -> Modes:
         return search_round(comp, k_sources, int(corners[index % corners.size]), own, REACHES[index % len(REACHES)])

@@ -31,9 +31,12 @@ FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are bel
 PLAINLY = 6.0  # −2 ln evidence by which readings must speak for corners that are not exact
 DITHERS = (0.02, 0.01)  # of the readings' range: noise to search with where the model does not fit (theory, section 10)
 FEW = 2  # sources whose answer one such search finds
+SLACK = 1.5  # of the readings' range, for legs that begin a leg's length beside the corner
 EASES = (100.0, 10.0)  # answers of the readings alone are led to what else is known by so much slack at first
 SAME_ANSWER_SPREADS = 0.2
-LESSER = (0.3, 0.1)  # of the usual: how far off legs may begin that were flown steadily
+SAME_LOOSE_SPREADS = 0.1
+LITTLE = 0.3  # of the usual: how far off legs begin among answers that need little of it, …
+OTHERWISE = (1.0 / 0.3, 1.0 / 3.0)  # … and then in the one that needed least, times that
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +74,9 @@ class Task:
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     """Every answer within the window; None where the search finds no start."""
+    if task.priors.corner_sd_m is not None:
+        slack = SLACK * float(task.priors.corner_sd_m.mean()) / task.unit.length
+        task = replace(task, problem=replace(task.problem, slack=slack))
     coarse = binned(alike(task.problem), by_time=task.problem.lag != 0.0)
     if task.start is not None and fits_the_flight(task.problem, task.start, task.k_sources):
         seen = coarse
@@ -154,11 +160,11 @@ def _loosened(task: Task, found: Solution, begun: Starts, rng: np.random.Generat
     if task.priors.corner_sd_m is None:
         return found
     sides = (1.0,) if task.priors.beside_m is None or task.priors.overshot else (1.0, -1.0)
-    freest = _likeliest([freer(side, found.ends) for side in sides])
-    if freest is None:
+    little = _likeliest([freer(LITTLE * side, found.ends) for side in sides])
+    if little is None:
         return found
-    lesser = [freer(share * freest.loose, freest.ends) for share in LESSER]
-    best = _likeliest([freest, *lesser]) or found
+    others = [freer(share * little.loose, little.ends) for share in OTHERWISE]
+    best = _likeliest([little, *others]) or found
     return best if _likelier(best, found, by=PLAINLY) else found
 
 
@@ -266,10 +272,11 @@ def _level(prob: Problem, begun: Starts, best: Fit, task: Task) -> Noise:
 
 
 def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:
-    """The best fit and every different one within the window."""
+    """The best fit and every different one within the window; corners that are loose wander without another answer."""
+    same = SAME_PLACE_SPREADS if prob.known.corner_sd is None else SAME_LOOSE_SPREADS
     kept: list[Fit] = []
     for f in fits:
         near = (f.cost - fits[0].cost) / level.variance < WINDOW
-        if near and all(apart(prob, f.state, other.state) > SAME_PLACE_SPREADS * f.state.spread for other in kept):
+        if near and all(apart(prob, f.state, other.state) > same * f.state.spread for other in kept):
             kept.append(f)
     return kept

@@ -92,9 +92,11 @@ def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     """All that the search finds at the known C, in the order of its cost."""
     (at,) = medium_grid(prob, 1.0)
     comp = compressed(prob, at, None)
-    modes = search(comp, k_sources, rng)
+    doubt = prob.doubt / comp.sigma**2
+    modes = search(comp, k_sources, rng, doubt=doubt)
     unit = misfit(modes, comp, k_sources)
-    near = np.flatnonzero(modes.cost < modes.cost.min(initial=np.inf) + START_WINDOW * unit)[:MAX_STARTS]
+    window = START_WINDOW * max(unit, doubt)
+    near = np.flatnonzero(modes.cost < modes.cost.min(initial=np.inf) + window)[:MAX_STARTS]
     return begin(comp, states(prob, comp, modes.take(near), at), comp.sigma * float(np.sqrt(unit)), modes.rounds)
 
 
