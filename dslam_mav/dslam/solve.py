@@ -32,6 +32,7 @@ PLAINLY = 6.0  # −2 ln evidence by which readings must speak for corners that 
 DITHERS = (0.02, 0.01)  # of the readings' range: noise to search with where the model does not fit (theory, section 10)
 FEW = 2  # sources whose answer one such search finds
 SLACK = 1.5  # of the readings' range, for legs that begin a leg's length beside the corner
+AGES_SLACK = 0.02  # likewise, for sources of different ages taken for equally old
 EASES = (100.0, 10.0)  # answers of the readings alone are led to what else is known by so much slack at first
 SAME_ANSWER_SPREADS = 0.2
 SAME_LOOSE_SPREADS = 0.1
@@ -74,9 +75,7 @@ class Task:
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     """Every answer within the window; None where the search finds no start."""
-    if task.priors.corner_sd_m is not None:
-        slack = SLACK * float(task.priors.corner_sd_m.mean()) / task.unit.length
-        task = replace(task, problem=replace(task.problem, slack=slack))
+    task = replace(task, problem=replace(task.problem, slack=_slack(task)))
     coarse = binned(alike(task.problem), by_time=task.problem.lag != 0.0)
     if task.start is not None and fits_the_flight(task.problem, task.start, task.k_sources):
         seen = coarse
@@ -108,6 +107,14 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
         again = _solved(task, replace(begun, states=states), coarse, rng)
         solved = again if again is not None and again.fits[0].converged >= solved.fits[0].converged else solved
     return solved
+
+
+def _slack(task: Task) -> float:
+    """How much of the readings' range the search must leave unexplained: it knows exact corners only, and one C."""
+    own_ages = AGES_SLACK if task.problem.spreads == "each" and task.k_sources > 1 else 0.0
+    if task.priors.corner_sd_m is None:
+        return own_ages
+    return float(np.hypot(own_ages, SLACK * task.priors.corner_sd_m.mean() / task.unit.length))
 
 
 def _led_on(prob: Problem, known: Sequence[State], best: State) -> bool:
