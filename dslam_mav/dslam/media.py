@@ -173,6 +173,15 @@ def media_starts(prob: Problem, k_sources: int, rng: np.random.Generator, *, thr
     return begin(comp, [f.state for f in pool.fits[:MAX_STARTS]], level, rounds)
 
 
+def _rate_at(prob: Problem, log_spread2: float, log_rate: float) -> float:
+    """ln 4μ as known, by itself or by the age of a field with this ln C; rounded where it is to be found."""
+    if prob.rate is not None:
+        return float(np.log(prob.rate)) if prob.rate > 0.0 else -np.inf
+    if prob.age is not None:
+        return log_spread2 - float(np.log(prob.age).mean())
+    return round(20.0 * log_rate) / 20.0
+
+
 def _medium_for(index: int, grid: list[Medium], pool: _Pool) -> tuple[Medium, float | None]:
     """Where a round is made: at every point of the grid once, then where the best answers went.
 
@@ -189,5 +198,5 @@ def _medium_for(index: int, grid: list[Medium], pool: _Pool) -> tuple[Medium, fl
     if pool.lost and index // 2 % 2:
         shift = SHIFTS[index // 4 % len(SHIFTS)]
         c, rate, told = c + shift, rate + shift, False
-    at = round(20.0 * c) / 20.0, rate if not np.isfinite(rate) else round(20.0 * rate) / 20.0
+    at = round(20.0 * c) / 20.0, _rate_at(pool.prob, round(20.0 * c) / 20.0, rate)
     return at, step * round(f.state.ambient / step) if told else None
