@@ -94,6 +94,7 @@ class _Pool:
         self.lost = inside > outside * (1.0 + LOST_SD * scatter)
         wanted = QUIET_ROUNDS[min(len(self.fits[0].state.s), len(QUIET_ROUNDS)) - 1]
         doubtful = inside > outside * (1.0 + DOUBT_SD * scatter)
+        wanted += 0 if self.prob.rate == 0.0 else 2
         return self.hits >= HITS and self.quiet >= wanted * (2 if doubtful else 1)
 
     def _known(self, state: State) -> Fit | None:
