@@ -123,6 +123,7 @@ class Judged:
     error_m: float
     bound_m: float  # Cramér–Rao, at the truth
     mode_error_m: float  # of the truth's mode; where it is not listed, of the mode nearest to the truth
+    basin_error_m: float  # of the fit that small steps from the truth lead to: what the likelihood itself allows
     mode_bound_m: float  # what that mode's covariance predicts
     mode_nees: float  # of that mode, per degree of freedom
     mode_inside: float  # share of its sources whose 95 % ellipse holds the truth
@@ -156,6 +157,7 @@ def judge(case: Case, k_sources: int) -> Judged:
         error_m=errors[0],
         bound_m=bound_at_truth(case),
         mode_error_m=errors[own],
+        basin_error_m=_rms_off(basin.state.s, case.position_m),
         mode_bound_m=float(np.sqrt(np.trace(mode.position_covariance_m2, axis1=1, axis2=2).mean())),
         mode_nees=float(squares.mean()) / 2.0,
         mode_inside=float((squares < INSIDE_95).mean()),
@@ -238,5 +240,8 @@ def _matching(position: Array, truth: Array) -> list[int]:
 
 def matched_error_m(mode: Estimate, truth: Array) -> float:
     """RMS over the sources, each matched to one of the truth's (K, 2) in the same gauge; NaN without positions."""
-    position = mode.sources.position_m
+    return _rms_off(mode.sources.position_m, truth)
+
+
+def _rms_off(position: Array, truth: Array) -> float:
     return float(np.sqrt(((position[_matching(position, truth)] - truth) ** 2).sum(axis=1).mean()))

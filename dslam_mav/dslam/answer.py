@@ -16,6 +16,7 @@ from dslam_mav.dslam.joint import evaluate, model_of
 from dslam_mav.dslam.priors import without_scale
 from dslam_mav.dslam.problem import Problem, problem, steadied
 from dslam_mav.dslam.profile import second_moment
+from dslam_mav.dslam.shape import misshapen, moved_by_shape
 from dslam_mav.dslam.state import Layout, State, layout, parameter_names
 from dslam_mav.dslam.units import Units, in_si, normalised, parameter_units
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict
@@ -134,8 +135,12 @@ def _one(flight: Flight, medium: Medium, answers: Answers, f: Fit) -> Estimate:
     state = in_order(prob, f.state)
     k_sources, d = state.s.shape
     at, names = layout(prob, k_sources), parameter_names(prob, k_sources)
-    info = bound.information(evaluate(_told_by_readings(prob), state, at)[1], level.variance)
-    covariance = second_moment(prob, state, at, info.covariance, level.variance)
+    jacobian = evaluate(_told_by_readings(prob), state, at)[1]
+    info = bound.information(jacobian, level.scatter)
+    covariance = second_moment(prob, state, at, info.covariance, level.scatter)
+    if level.excess:
+        inverse = info.covariance / level.scatter
+        covariance = covariance + moved_by_shape(jacobian, inverse, misshapen(prob, state), level.excess)
     where = placed(prob, state, at)
     aligned = np.einsum("ab,kbp->kap", where.rotation, bound.aligned_columns(prob, state, at))
     scale = parameter_units(at, unit)

@@ -17,7 +17,9 @@ Array = NDArray[np.float64]
 MIN_READINGS_PER_LEG = 4
 MIN_REACH = 1e-3  # of a leg's length
 MISFIT_P_VALUE = 1e-3
-MISFIT_WIDENING = 8.0  # theory, section 10: 4 to 16, by recording; at 8, half-axes are about 3 times the RMS error
+MISFIT_WIDENING = 8.0  # theory, section 10: 4 to 16, by recording
+MISFIT_BESIDE = 2.0  # the same, of what is no matter of the sources' shape (shape.py)
+MISFIT_LIKELY = 0.03  # p from which errors are widened, before the misfit is said to be one
 MISFIT_MATTERS = 0.06  # systematic residual, as a share of the readings' range, from which the model is called wrong
 # A smaller share is too much where it stands far out of the noise: widened errors hold while both are small. The share
 # times noise levels above the noise is at most 0.013 on recordings answered rightly, whose misfit is mild; 0.024 or
@@ -32,13 +34,16 @@ WINDOW = 9.0  # alternatives: 2·Δ log-likelihood below this
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """The residuals' level: `variance` to weigh errors with, and whether the model's misfit stands out from noise.
+    """The residuals' level: `variance` to weigh answers with, and whether the model's misfit stands out from noise.
 
     `inside` and `outside` are mean squares per degree of freedom inside the span of what sources can do to a leg, and
-    outside of it; white residuals have them equal. `measured`: noise measured elsewhere counts to the latter.
+    outside of it; white residuals have them equal. `measured`: noise measured elsewhere counts to the latter. Errors
+    are those of noise of `scatter`, and of shapes that leave `excess` energy, what is inside beyond the noise.
     """
 
     variance: float
+    scatter: float
+    excess: float
     inside: float
     outside: float
     p_value: float
@@ -106,16 +111,18 @@ def noise(
     pooled = max((cost + more_energy) / (dof + more_dof), 1e-300)
     dof_known = dof_out + more_dof
     if dof_known < 5 or dof_in < 5:
-        return Noise(pooled, pooled, pooled, 1.0, 0.0, measured)
+        return Noise(pooled, pooled, 0.0, pooled, pooled, 1.0, 0.0, measured)
     s_out = max((energy_out + more_energy) / dof_known, 1e-300)
     s_in = max((cost - energy_out) / dof_in, 0.0)
     p_value = float(
         fdtrc(dof_in, dof_known, s_in / s_out)
     )  # survival of the F distribution; scipy.stats loads for a second
     share = float(np.sqrt(max(s_in - s_out, 0.0) * dof_in / n)) / max(span, 1e-300)
-    if p_value < MISFIT_P_VALUE:
-        return Noise(s_out + MISFIT_WIDENING * (s_in - s_out), s_in, s_out, p_value, share, measured)
-    return Noise(pooled, s_in, s_out, p_value, share, measured)
+    if p_value >= MISFIT_LIKELY:
+        return Noise(pooled, pooled, 0.0, s_in, s_out, p_value, share, measured)
+    more = s_in - s_out
+    weighed = s_out + MISFIT_WIDENING * more if p_value < MISFIT_P_VALUE else pooled
+    return Noise(weighed, s_out + MISFIT_BESIDE * more, dof_in * more, s_in, s_out, p_value, share, measured)
 
 
 def _alike(one: tuple[float, float], other: tuple[float, float]) -> bool:

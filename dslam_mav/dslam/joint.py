@@ -26,7 +26,7 @@ def model_of(prob: Problem, state: State) -> Array:
     lag = float(np.exp(state.log_lag))
     if lag > 0.0:
         lagged(out[:, None], prob.t, lag)
-    return _mixed(prob, out + state.ambient + state.drift * prob.t)
+    return mixed(prob, out + state.ambient + state.drift * prob.t)
 
 
 def residual_of(prob: Problem, state: State, at: Layout | None = None) -> Array:
@@ -56,7 +56,7 @@ def evaluate(prob: Problem, state: State, at: Layout | None = None) -> tuple[Arr
     columns[:, at.ambient] = 1.0
     columns[:, at.drift] = prob.t[:, None]
     out[:, -1] += state.ambient + state.drift * prob.t
-    out = _mixed(prob, out)
+    out = mixed(prob, out)
     off, rows = prior_rows(prob, state, at)
     return np.concatenate([out[:, -1] - prob.y, off]), np.vstack([out[:, :-1], rows])
 
@@ -78,7 +78,7 @@ def _path_columns(prob: Problem, state: State, at: Layout, by_place: Array, colu
         columns[:, at.gap] = np.where(later[:, :, None], by_place[:, None, :], 0.0).reshape(len(by_place), -1)
 
 
-def _mixed(prob: Problem, values: Array) -> Array:
+def mixed(prob: Problem, values: Array) -> Array:
     """Values at the places of the model, as the numbers that stand for the readings see them."""
     if prob.mix is None:
         return values
