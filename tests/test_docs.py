@@ -22,7 +22,7 @@ from running import run
 
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.cli import _parser
-from dslam_mav.commands.settings import with_settings
+from dslam_mav.commands.settings import KEYS, with_settings
 from dslam_mav.commands.sweep_file import read_sweep
 from sim_bridge.fields.scene import parse_scene
 
@@ -142,6 +142,11 @@ def test_python_shown_prints_what_it_says() -> None:
     with contextlib.redirect_stdout(out):
         exec(first + bound, {})
     assert out.getvalue().splitlines() == re.findall(r"^# (.+)$", first + bound, re.MULTILINE)
+
+
+def test_every_assumption_that_can_be_set_is_named() -> None:
+    (named,) = re.findall(r"^KEY is (.+?);", (ROOT / "docs" / "log.md").read_text(), re.MULTILINE | re.DOTALL)
+    assert re.findall(r"`([\w-]+)`", named) == list(KEYS)
 
 
 def test_plan_prints_what_is_shown() -> None:

@@ -43,7 +43,7 @@ def _state(path: Path, info: LogInfo) -> str:
 
 def _info(path: Path, columns: str | None) -> LogInfo:
     kind = kind_of(path)
-    if kind == "tlog" and path.suffix.lower() == ".tlog":
+    if kind == "tlog":
         return _telemetry(path)
     if kind == "dataflash":
         log = read_dataflash(path)
