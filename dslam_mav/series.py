@@ -20,6 +20,7 @@ from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.records.arrays import Array, read_only
 
 FIELDS = ("time_s", "value", "east_m", "north_m")
+DELIMITERS = ",;\t"
 
 
 UNITS = {
@@ -102,7 +103,8 @@ def read_csv(path: Path, columns: str | None = None) -> Series:
         raise BadInputError(f"{path}: expected text with columns, got other bytes") from None
     if not text.strip():
         raise BadInputError(f"{path}: is empty; expected a line of column names and readings below it")
-    rows = csv.reader(io.StringIO(text))
+    head = text.lstrip().partition("\n")[0]
+    rows = csv.reader(io.StringIO(text), delimiter=max(DELIMITERS, key=head.count))
     header = [name.strip() for name in next(rows, [])]
     wanted = _columns(path, header, columns)
     lines = [_row(path, rows.line_num, row, wanted, header) for row in rows if any(map(str.strip, row))]

@@ -43,6 +43,14 @@ def test_csv_columns_of_other_names_and_units(tmp_path: Path) -> None:
     np.testing.assert_allclose(series.place_m, [[1.0, 2.0], [3.0, 4.0]])
 
 
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_columns_stand_apart_by_what_spreadsheets_write(delimiter: str, tmp_path: Path) -> None:
+    text = "time_s,value,east_m,north_m\n0,1.5,1,2\n1,2.5,3,4\n".replace(",", delimiter)
+    series = read_csv(csv_of(tmp_path, text))
+    np.testing.assert_allclose(series.value, [1.5, 2.5])
+    np.testing.assert_allclose(series.place_m, [[1.0, 2.0], [3.0, 4.0]])
+
+
 @pytest.mark.parametrize(
     ("text", "columns", "said"),
     [
