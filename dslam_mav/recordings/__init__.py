@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -163,6 +163,10 @@ class OnBoard:
             raise BadInputError(f"{self.path}: {lack}")
         plan = assumed.plan(mission, self.mission)
         seen = [o for o in self.log.observations if assumed.yaw or not isinstance(o, Yaw)]
-        return flight_from_observations(
+        found = flight_from_observations(
             seen, str(self.path), plan=plan, distance=assumed.distance, heard=lambda: self.log.names
         )
+        if not self.log.bad_bytes:
+            return found
+        damaged = f"{self.path.name}: damaged, {self.log.bad_bytes:,} bytes are in no record; the others are used"
+        return replace(found, notes=(damaged, *found.notes))
