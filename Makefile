@@ -3,7 +3,7 @@
 # make bench  accuracy and speed tables (minutes)
 # make gallery  docs/gallery.md: what each pattern sees
 # make docs   the pages of docs/ as a site, build/site/index.html
-# make interop  MAVProxy and Rerun, in an environment of their own (1.5 GB), with what we fly and write
+# make interop  MAVProxy and Rerun, in an environment of their own (1.9 GB), with what we fly and write
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin

@@ -20,6 +20,7 @@ from dslam_mav.mission import DEGREES_E7, GLOBAL_FRAMES, Home, Mission, MissionI
 from dslam_mav.observations import Progress
 from dslam_mav.recordings import Assumed, kind_of, open_recording, our_log
 from dslam_mav.records import Flight, Leg, Prediction, Truth
+from dslam_mav.records.words import count
 from dslam_mav.replay import Replayed
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ _MISSION_ATTACHMENT = "mission.waypoints"
 _CONFIGURATION_ATTACHMENT = "configuration.json"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class LoggedFlight:
     """All that a log holds, and what follows from it.
 
@@ -53,6 +54,17 @@ class LoggedFlight:
     duration_s: float
     complete: bool
     recovered: Recovered | None
+
+    def __repr__(self) -> str:
+        """One line: all that it holds would be thousands."""
+        there = [
+            count(self.readings.value.size, "reading"),
+            count(len(self.legs), "leg"),
+            count(len(self.estimates), "estimate"),
+            f"{self.duration_s:.1f} s",
+            "complete" if self.complete else "cut short or damaged",
+        ]
+        return f"<{type(self).__name__}: {', '.join(there)}>"
 
     def readings_frame(self) -> DataFrame:
         """A row a reading: time_s, value, leg (nullable), distance_m (NaN outside legs)."""

@@ -20,6 +20,7 @@ from dslam_mav.errors import BadInputError, unreadable
 from dslam_mav.records.arrays import Array, read_only
 
 FIELDS = ("time_s", "value", "east_m", "north_m")
+DELIMITERS = ",;\t"
 
 
 UNITS = {
@@ -100,7 +101,10 @@ def read_csv(path: Path, columns: str | None = None) -> Series:
         raise unreadable(path, error) from None
     except UnicodeDecodeError:
         raise BadInputError(f"{path}: expected text with columns, got other bytes") from None
-    rows = csv.reader(io.StringIO(text))
+    if not text.strip():
+        raise BadInputError(f"{path}: is empty; expected a line of column names and readings below it")
+    head = text.lstrip().partition("\n")[0]
+    rows = csv.reader(io.StringIO(text), delimiter=max(DELIMITERS, key=head.count))
     header = [name.strip() for name in next(rows, [])]
     wanted = _columns(path, header, columns)
     lines = [_row(path, rows.line_num, row, wanted, header) for row in rows if any(map(str.strip, row))]
@@ -122,7 +126,8 @@ def _columns(path: Path, header: list[str], columns: str | None) -> dict[str, Co
     wanted = {f: asked.get(f, Column(f)) for f in FIELDS}
     for field, column in wanted.items():
         if column.name not in header and (field in asked or field in ("time_s", "value")):
-            raise BadInputError(f"{path}: line 1: column {column.name}: missing, it has {', '.join(header) or 'none'}")
+            name_it = "" if field in asked else f"; --columns {field}=NAME says which it is"
+            raise BadInputError(f"{path}: line 1: column {column.name}: missing, it has {', '.join(header)}{name_it}")
     if not all(wanted[field].name in header for field in ("east_m", "north_m")):
         del wanted["east_m"], wanted["north_m"]
     return wanted

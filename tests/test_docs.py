@@ -22,9 +22,9 @@ from running import run
 
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.cli import _parser
-from dslam_mav.commands.settings import with_settings
+from dslam_mav.commands.settings import KEYS, with_settings
 from dslam_mav.commands.sweep_file import read_sweep
-from sim_bridge.fields.scene import parse_scene
+from sim_bridge.fields.scene import parse_scene, read_scene
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -142,6 +142,18 @@ def test_python_shown_prints_what_it_says() -> None:
     with contextlib.redirect_stdout(out):
         exec(first + bound, {})
     assert out.getvalue().splitlines() == re.findall(r"^# (.+)$", first + bound, re.MULTILINE)
+
+
+def test_flights_over_the_demonstrations_scene_are_told_how_many_sources_it_has() -> None:
+    true = len(read_scene(ROOT / "sim_bridge" / "scenes" / "star7_three_sources.json").sources)
+    over_another = re.compile(r"--(scene|readings|connect) ")
+    told = [re.search(r"--sources (\d+)", c) for _, c in SHOWN if c.startswith("fly ") and not over_another.search(c)]
+    assert {int(number[1]) for number in told if number is not None} == {true}
+
+
+def test_every_assumption_that_can_be_set_is_named() -> None:
+    (named,) = re.findall(r"^KEY is (.+?);", (ROOT / "docs" / "log.md").read_text(), re.MULTILINE | re.DOTALL)
+    assert re.findall(r"`([\w-]+)`", named) == list(KEYS)
 
 
 def test_plan_prints_what_is_shown() -> None:

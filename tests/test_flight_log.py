@@ -119,6 +119,13 @@ def test_a_log_without_legs_is_read_all_the_same(tmp_path: Path) -> None:
     assert log.readings_frame()["leg"].isna().all()
 
 
+def test_a_log_prints_as_one_line(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "flight.mcap") as recorder:
+        recorder.reading(1, Reading(17, 20.5))
+    log = dslam_mav.read_log(tmp_path / "flight.mcap")
+    assert repr(log) == "<LoggedFlight: 1 reading, 0 legs, 0 estimates, 0.0 s, complete>"
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from dslam_mav.commands.logged import Logged, open_logged
 from dslam_mav.commands.outcome import Outcome, background_of, page_beside
@@ -86,12 +87,12 @@ def _name(path: Path) -> str:
 
 
 def _link(path: Path, page: Path) -> str | None:
-    """The log's own page, seen from this one, where it has one."""
+    """The log's own page as an address seen from this one, where it has one."""
     own = page_beside(path)
     if not own.is_file():
         return None
     try:
-        return Path(os.path.relpath(own.absolute(), page.absolute().parent)).as_posix()
+        return quote(Path(os.path.relpath(own.absolute(), page.absolute().parent)).as_posix())
     except ValueError:
         return None
 

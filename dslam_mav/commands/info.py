@@ -14,6 +14,12 @@ from dslam_mav.mav.tlog import read_tlog
 from dslam_mav.recordings import kind_of
 from dslam_mav.series import read_csv
 
+_INCOMPLETE = {
+    "mcap": "cut short or damaged, see dslam-mav recover",
+    "tlog": "without the bytes in it that are no packets",
+    "dataflash": "without the bytes in it that are no records",
+}
+
 
 def run(options: Namespace) -> int:
     """Topics, duration, and whether the log was closed properly; of others' recordings what is there of each kind."""
@@ -33,8 +39,7 @@ def run(options: Namespace) -> int:
 def _state(path: Path, info: LogInfo) -> str:
     """What is meant: the file is whole, or it is whole but does not hold the whole flight, or it is neither."""
     if not info["complete"]:
-        ours = kind_of(path) == "mcap"
-        return "cut short or damaged, see dslam-mav recover" if ours else "without the bytes in it that are no packets"
+        return _INCOMPLETE[kind_of(path)]
     salvaged = info.get("recovered")
     if salvaged is not None and (salvaged["lost"] or not salvaged["exact"]):
         return "a whole file, but not the whole flight"
@@ -43,11 +48,11 @@ def _state(path: Path, info: LogInfo) -> str:
 
 def _info(path: Path, columns: str | None) -> LogInfo:
     kind = kind_of(path)
-    if kind == "tlog" and path.suffix.lower() == ".tlog":
+    if kind == "tlog":
         return _telemetry(path)
     if kind == "dataflash":
         log = read_dataflash(path)
-        return LogInfo(topics=log.records, duration_s=log.duration_s, complete=True)
+        return LogInfo(topics=log.records, duration_s=log.duration_s, complete=not log.bad_bytes)
     if kind == "csv":
         series = read_csv(path, columns)
         topics = {"readings": int(series.value.size)}

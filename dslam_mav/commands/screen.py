@@ -44,9 +44,15 @@ class Screen:
             self.say(text)
 
     def table(self, table: Table) -> None:
-        """A table."""
-        if not self.json_only:
+        """A table; on a pipe no line of it ends in blanks."""
+        if self.json_only:
+            return
+        if self._terminal:
             self._out.print(table)
+            return
+        with self._out.capture() as drawn:
+            self._out.print(table)
+        self.say("\n".join(line.rstrip() for line in drawn.get().splitlines()))
 
     def warn(self, text: str) -> None:
         """One line on standard error."""

@@ -33,7 +33,7 @@ def _whether(text: str) -> bool:
     return bool(_one_of("yes", "no", "true", "false")(text) in ("yes", "true"))
 
 
-_KEYS: dict[str, tuple[str, _Parse]] = {
+KEYS: dict[str, tuple[str, _Parse]] = {
     "sources": ("n_sources", _auto(N_SOURCES)),
     "spread": ("spread_m", _auto(POSITIVE)),
     "diffusivity": ("diffusivity_m2_s", _auto(POSITIVE)),
@@ -59,9 +59,11 @@ def with_settings(assumptions: Assumptions, settings: Sequence[str]) -> Assumpti
     for setting in settings:
         key, equals, text = setting.partition("=")
         key = key.strip().replace("_", "-")
-        if not equals or key not in _KEYS:
-            raise BadInputError(f"--set {setting}: expected KEY=VALUE with KEY of {', '.join(_KEYS)}")
-        name, parse = _KEYS[key]
+        if not equals or key not in KEYS:
+            raise BadInputError(f"--set {setting}: expected KEY=VALUE with KEY of {', '.join(KEYS)}")
+        name, parse = KEYS[key]
+        if name in given:
+            raise BadInputError(f"--set {setting}: expected each assumption once, it was set before")
         try:
             given[name] = parse(text.strip())
         except ArgumentTypeError as problem:
@@ -81,7 +83,7 @@ def with_settings(assumptions: Assumptions, settings: Sequence[str]) -> Assumpti
 def changed(before: Assumptions, after: Assumptions) -> list[str]:
     """The settings "KEY=VALUE" that make one of the other, in the order of their options."""
     settings = {}
-    for key, (name, _) in _KEYS.items():
+    for key, (name, _) in KEYS.items():
         value = getattr(after, name)
         if value != getattr(before, name) and name not in settings:
             settings[name] = f"{key}={_text(key, value)}"

@@ -31,6 +31,8 @@ MAGIC = b"\xa3\x95\x80"
 LAST_NAVIGATION_COMMAND = 95
 """MAV_CMD_NAV_LAST: commands above are done on the way, and end no leg."""
 
+_HEAD, _FMT = MAGIC[:2], MAGIC[2]
+_PAGE_BYTES = 256
 _USED = ("NVAL", "CMD", "MISE", "MSG", "XKF1", "XKF4", "NKF1", "NKF4", "ATT")
 _REACHED = re.compile(r"Reached (?:command|waypoint) #(\d+)")
 
@@ -39,7 +41,7 @@ _REACHED = re.compile(r"Reached (?:command|waypoint) #(\d+)")
 class DataFlash:
     """What a DataFlash log tells of a flight. `observations` in the order logged, `mission`
     as the vehicle held it last (None: none or not all of it), `names` of all values received, `records` of each kind
-    used, `duration_s` between the first and the last of them.
+    used, `duration_s` between the first and the last of them, `bad_bytes` that are in no record.
     """
 
     observations: tuple[Observation, ...]
@@ -47,12 +49,13 @@ class DataFlash:
     names: tuple[str, ...]
     records: dict[str, int]
     duration_s: float
+    bad_bytes: int
 
 
 def read_dataflash(path: Path) -> DataFlash:
     """The log at `path`; BadInputError in one line for what cannot be read. Damaged records are left out."""
     contents = _Contents()
-    _use_records(path, contents.take)
+    bad_bytes = _use_records(path, contents.take)
     duration_s = (contents.last_us - (contents.first_us or 0)) / 1e6
     return DataFlash(
         tuple(contents.observations),
@@ -60,6 +63,7 @@ def read_dataflash(path: Path) -> DataFlash:
         tuple(sorted(contents.names)),
         dict(sorted(contents.counts.items())),
         duration_s,
+        bad_bytes,
     )
 
 
@@ -166,12 +170,38 @@ def _reader(path: Path) -> Any:
     class Reader(DFReader.DFReader_binary):
         def init_arrays_fast(self, progress_callback: Any = None) -> None:
             self.init_arrays(progress_callback)  # type: ignore[no-untyped-call]
+            _index_the_rest(self)
 
     return Reader(str(path))  # type: ignore[no-untyped-call]
 
 
-def _use_records(path: Path, use: Callable[[Any], None]) -> None:
-    """Every record used, whole ones only. What the reader says of bad bytes is not for the person at the terminal."""
+def _index_the_rest(reader: Any) -> None:
+    """The records behind one of a kind that no FMT describes: there pymavlink's index ends, although it may be one
+    damaged byte.
+    """
+    data, forms = reader.data_map, reader.formats
+    ends = (reader.offsets[kind][-1] + forms[kind].len for kind, count in enumerate(reader.counts) if count)
+    at = data.find(_HEAD, max(ends, default=0))
+    while 0 <= at < len(data) - len(_HEAD):
+        kind = data[at + len(_HEAD)]
+        whole = kind in forms and at + forms[kind].len <= len(data)
+        if whole and kind == _FMT:
+            reader.offset = at
+            told = forms.get(getattr(reader._parse_next(), "Type", None))
+            if told is not None:
+                reader.name_to_id[told.name], reader.id_to_name[told.type] = told.type, told.name
+        if whole:
+            reader.offsets[kind].append(at)
+            reader.counts[kind] += 1
+            reader._count += 1
+        at = data.find(_HEAD, at + (forms[kind].len if whole else 1))
+    reader.offset = 0
+
+
+def _use_records(path: Path, use: Callable[[Any], None]) -> int:
+    """Every record used, whole ones only; how many bytes are in none. What the reader says of those is not for the
+    person at the terminal.
+    """
     try:
         with contextlib.redirect_stderr(io.StringIO()):
             reader = _reader(path)
@@ -182,3 +212,12 @@ def _use_records(path: Path, use: Callable[[Any], None]) -> None:
         raise unreadable(path, problem) from None
     except Exception as problem:  # the library raises whatever a broken file makes it raise
         raise BadInputError(f"{path}: no DataFlash log that can be read: {problem}") from None
+    if not any(reader.counts):
+        raise BadInputError(f"{path}: no DataFlash log: expected records that begin with a3 95, found none")
+    return _bad_bytes(reader)
+
+
+def _bad_bytes(reader: Any) -> int:
+    """Bytes in no record, but for what pads the last page of logs that are kept in pages."""
+    bad = reader.data_len - sum(n * reader.formats[kind].len for kind, n in enumerate(reader.counts) if n)
+    return 0 if bad < _PAGE_BYTES else int(bad)

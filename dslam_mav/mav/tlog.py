@@ -55,6 +55,13 @@ class Tlog:
             raise BadInputError(f"{self.path}: no tlog: expected timestamped MAVLink packets, found hardly any")
 
 
+def begins_as_tlog(begin: bytes) -> bool:
+    """Whether a file's first bytes are a time and the mark of a packet; of a tlog that begins with garbage they are
+    not.
+    """
+    return len(begin) > _STAMP_BYTES and begin[_STAMP_BYTES] in (_MARKER_V1, _MARKER_V2)
+
+
 def read_tlog(path: Path) -> Tlog:
     """The tlog at `path`, to iterate over."""
     return Tlog(path)

@@ -1,13 +1,13 @@
 """A flight somebody recorded, in any of the files people keep: `open_recording` or `our_log`, then `flight`.
 
-.mcap is our own log, .tlog a ground station's, .bin ArduPilot's own, anything else that is text a CSV file.
+.mcap is our own log, .tlog a ground station's, .bin ArduPilot's own, .csv (.txt, .tsv) a table.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,7 +18,7 @@ from dslam_mav.mav import dataflash
 from dslam_mav.mav.decode import READING_NAME, autopilot_system
 from dslam_mav.mav.frames import Frame
 from dslam_mav.mav.mission.heard import mission_heard
-from dslam_mav.mav.tlog import read_tlog
+from dslam_mav.mav.tlog import begins_as_tlog, read_tlog
 from dslam_mav.mission import Mission
 from dslam_mav.observations import Yaw
 from dslam_mav.recordings.recording import Assumed, Recording
@@ -31,6 +31,9 @@ __all__ = ["Assumed", "OurLog", "Recording", "Telemetry", "kind_of", "open_recor
 PROVENANCE_ATTACHMENT = "provenance.json"
 RECORDING_ATTACHMENT = "recording"
 """Followed by the ending of a file of others that a log of ours was made of."""
+
+KINDS = "a .mcap, a .tlog, ArduPilot's .bin or a .csv"
+_BY_NAME = {".mcap": "mcap", ".bin": "dataflash", ".tlog": "tlog", ".csv": "csv", ".txt": "csv", ".tsv": "csv"}
 
 
 def open_recording(path: Path, columns: str | None = None) -> Recording:
@@ -71,18 +74,27 @@ def _columns_of_a_csv(columns: str, path: Path) -> str:
 
 
 def kind_of(path: Path) -> str:
-    """ "mcap", "dataflash", "tlog" or "csv", by a file's first bytes and its name; BadInputError if unreadable."""
+    """ "mcap", "dataflash", "tlog" or "csv", by a file's first bytes and its name; BadInputError if it is unreadable,
+    empty or none of them.
+    """
     try:
         with path.open("rb") as file:
-            begin = file.read(8)
+            begin = file.read(16)
     except OSError as problem:
         raise unreadable(path, problem) from None
     suffix = path.suffix.lower()
+    if not begin:
+        raise BadInputError(f"{path}: is empty; expected {KINDS}")
     if begin.startswith(b"\x89MCAP"):
         return "mcap"
-    if begin.startswith(dataflash.MAGIC) or suffix == ".bin":
+    if begin.startswith(dataflash.MAGIC):
         return "dataflash"
-    return "csv" if suffix in (".csv", ".txt", ".tsv") else "mcap" if suffix == ".mcap" else "tlog"
+    if suffix in _BY_NAME:
+        return _BY_NAME[suffix]
+    if begins_as_tlog(begin):
+        return "tlog"
+    field = " (a recorded field is flown over: fly --readings)" if suffix == ".npz" else ""
+    raise BadInputError(f"{path}: is no recording of a flight{field}; expected {KINDS}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +163,10 @@ class OnBoard:
             raise BadInputError(f"{self.path}: {lack}")
         plan = assumed.plan(mission, self.mission)
         seen = [o for o in self.log.observations if assumed.yaw or not isinstance(o, Yaw)]
-        return flight_from_observations(
+        found = flight_from_observations(
             seen, str(self.path), plan=plan, distance=assumed.distance, heard=lambda: self.log.names
         )
+        if not self.log.bad_bytes:
+            return found
+        damaged = f"{self.path.name}: damaged, {self.log.bad_bytes:,} bytes are in no record; the others are used"
+        return replace(found, notes=(damaged, *found.notes))

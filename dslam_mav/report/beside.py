@@ -30,9 +30,21 @@ class Beside:
 def beside(answers: Sequence[Estimate], truth: Truth | None, heads: tuple[str, ...], words: str = "") -> Beside:
     """A row for each thing the answers say, a column for each answer."""
     columns = [_column(each, truth) for each in answers]
-    names = dict.fromkeys(name for column in columns for name in column)  # the order of all
+    names = _in_one_order(columns)
     rows = tuple((name, tuple(column.get(name, EMPTY) for column in columns)) for name in names)
     return Beside(heads, rows, words)
+
+
+def _in_one_order(columns: Sequence[dict[str, str]]) -> list[str]:
+    """All rows' names: what only one column has stands behind what it stands behind there."""
+    names: list[str] = []
+    for column in sorted(columns, key=len, reverse=True):
+        at = 0
+        for name in column:
+            if name not in names:
+                names.insert(at, name)
+            at = names.index(name) + 1
+    return names
 
 
 def with_and_without(without: Estimate, with_it: Estimate, truth: Truth | None) -> Beside:

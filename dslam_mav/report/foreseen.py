@@ -37,8 +37,8 @@ class Background:
 
 @dataclass(frozen=True, slots=True)
 class Realised:
-    """RMS errors in metres, of sources and path: by the bound at the layout found, by the result's own uncertainty,
-    against truth; NaN where not known.
+    """RMS errors in metres, of sources and the path's corners: by the bound at the layout found, by the result's own
+    uncertainty, against truth; NaN where not known.
     """
 
     bound_m: tuple[float, float]
@@ -185,7 +185,7 @@ def _bar(i: int, predicted: tuple[float, float], got: Realised, axis: LogAxis) -
         span = axis.units(median), axis.units(p90) if math.isfinite(p90) else axis.start + axis.length
     values = (("bound", got.bound_m[i]), ("own", got.own_m[i]), ("error", got.error_m[i]))
     marks = tuple((mark, axis.units(value)) for mark, value in values if math.isfinite(value) and value > 0.0)
-    return Bar(("Sources", "Path")[i], _TOP + (i + 0.5) * _ROW, span, math.isinf(p90), marks)
+    return Bar(("Sources", "Corners")[i], _TOP + (i + 0.5) * _ROW, span, math.isinf(p90), marks)
 
 
 def _rms(values: Sequence[float] | np.ndarray) -> float:

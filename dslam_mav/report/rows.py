@@ -184,9 +184,9 @@ def error_rows(result: Score) -> tuple[tuple[str, str], ...]:
         ("Path along its whole length, rms", f"{significant(result.path_error_rms_m, 3)} m"),
         ("Farthest corner of the path", f"{significant(float(result.vertex_error_m.max()), 3)} m"),
         ("Amplitudes", amplitudes),
-        (f"E_sources ({result.paper_frame})", significant(result.paper_sources, 3)),
-        (f"E_lines ({result.paper_frame})", lines),
-        ("E_amp", significant(result.paper_amplitudes, 3)),
+        (f"The paper’s E_sources ({result.paper_frame})", significant(result.paper_sources, 3)),
+        (f"The paper’s E_lines ({result.paper_frame})", lines),
+        ("The paper’s E_amp", significant(result.paper_amplitudes, 3)),
     )
 
 

@@ -98,6 +98,35 @@ def test_a_tlog_that_is_none(tmp_path: Path, command: str) -> None:
         refused(tmp_path, (command, tmp_path / name), name)
 
 
+@pytest.mark.parametrize("command", ["info", "replay", "report"])
+@pytest.mark.parametrize("name", ["x.mcap", "x.tlog", "x.bin", "x.csv", "x"])
+def test_an_empty_file_is_called_empty(tmp_path: Path, command: str, name: str) -> None:
+    (tmp_path / name).touch()
+    refused(tmp_path, (command, tmp_path / name), f"{name}: is empty; expected a .mcap, a .tlog, ")
+
+
+@pytest.mark.parametrize("command", ["info", "replay", "report"])
+def test_a_file_of_no_kind_that_is_known(tmp_path: Path, command: str) -> None:
+    (tmp_path / "README.md").write_text("# Read this first\n")
+    refused(tmp_path, (command, tmp_path / "README.md"), "README.md: is no recording of a flight; expected a .mcap, ")
+    np.savez(tmp_path / "spot.npz", frames=np.zeros((2, 3, 3)))
+    refused(tmp_path, (command, tmp_path / "spot.npz"), "spot.npz: is no recording of a flight", "fly --readings")
+
+
+def test_a_tlog_is_known_by_its_first_packet_whatever_its_name(tmp_path: Path, flown: Any) -> None:
+    assert run("export", flown.log, "--to", "tlog", "-o", tmp_path / "flight.tlog").code == 0
+    (tmp_path / "flight.tlog").rename(tmp_path / "flight.raw")
+    told = run("info", tmp_path / "flight.raw", "--json").object
+    assert told["complete"]
+    assert told["topics"]["NAMED_VALUE_FLOAT"] > 100
+
+
+def test_an_assumption_set_twice_is_refused(tmp_path: Path, flown: Any) -> None:
+    for settings in (("sources=2", "sources=3"), ("static=yes", "evolving=yes")):
+        words = [word for each in settings for word in ("--set", each)]
+        refused(tmp_path, ("replay", flown.log, *words), f"--set {settings[1]}: expected each assumption once")
+
+
 @pytest.mark.skipif(not SHARED.exists(), reason=f"needs the recorded flights in {SHARED}")
 def test_a_real_flight_without_readings() -> None:
     done = run("replay", SHARED / "flights" / "copter_waypoints.tlog")

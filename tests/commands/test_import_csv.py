@@ -81,7 +81,7 @@ def test_with_both_the_plan_tells_the_legs(table):
     ("words", "wanted"),
     [
         (["--columns", "time_s=t:ms,value=gas"], "no places: expected columns east_m and north_m, or give --plan FILE"),
-        ([], "column time_s: missing, it has t, gas, x, y"),
+        ([], "column time_s: missing, it has t, gas, x, y; --columns time_s=NAME says which it is"),
         (["--columns", NAMES, "--heading", "vehicle"], "has no headings; use --heading none or plan"),
         (["--columns", "time=t"], "expected FIELD=NAME with FIELD of"),
         (["--columns", NAMES.replace("cm", "m"), "--plan", "PLAN"], "expected metres from the plan's home"),

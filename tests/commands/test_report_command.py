@@ -53,3 +53,11 @@ def test_a_report_shows_what_was_predicted_then_and_of_an_old_log_what_would_be_
     for option, words in ((), "Recorded before take-off: for 2"), (("--sources", 3), "says nothing: for 3"):
         assert run("report", flown.log, *option, "-o", tmp_path / "page.html").code == 0
         assert words in (tmp_path / "page.html").read_text()
+
+
+def test_a_link_to_a_page_holds_whatever_its_name(flown: Any, tmp_path: Path) -> None:
+    log = tmp_path / "wind 5 m#2 50%.mcap"
+    log.write_bytes(flown.log.read_bytes())
+    assert run("report", log).code == 0
+    assert run("report", log, flown.log, "-o", tmp_path / "all.html").code == 0
+    assert 'href="wind%205%20m%232%2050%25.html"' in (tmp_path / "all.html").read_text()

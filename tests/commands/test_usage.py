@@ -5,9 +5,12 @@ from __future__ import annotations
 import subprocess
 
 import pytest
+from rich import box
+from rich.table import Table
 from running import COMMAND, end, run, spawn
 
 from dslam_mav.commands.options import MAX_SOURCES
+from dslam_mav.commands.screen import Screen
 from dslam_mav.dslam import estimator
 
 COMMANDS = (
@@ -79,6 +82,18 @@ def test_an_output_without_greek_letters_does_not_fail() -> None:
         [*COMMAND, "replay", "--help"], capture_output=True, env={"PYTHONIOENCODING": "ascii", "PATH": ""}, check=False
     )
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_no_line_of_a_table_ends_in_blanks_on_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for head in ("what", "value"):
+        table.add_column(head)
+    table.add_row("sources", "3")
+    table.add_row("log", "a longer one")
+    Screen().table(table)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in lines][2:] == [["sources", "3"], ["log", "a", "longer", "one"]]
+    assert all(line == line.rstrip() for line in lines)
 
 
 def test_a_reader_who_leaves_is_no_error() -> None:

@@ -17,6 +17,7 @@ from dslam_mav.observations import Odometry, Reading, Yaw
 from dslam_mav.recordings import Assumed, kind_of, open_recording
 from dslam_mav.replay import flight_from_frames
 
+FMT, NVAL = b"\xa3\x95\x80", b"\xa3\x95\xc8"
 HOME = Home(-35.363262, 149.165237)
 
 
@@ -121,6 +122,40 @@ def test_cut_and_damaged_logs_give_what_is_whole_or_one_line(tmp_path, flown, ca
     assert read > 0
     assert not any("\n" in line for line in lines)
     assert capfd.readouterr().err == ""
+
+
+def test_one_damaged_byte_costs_one_record_and_is_told(tmp_path, flown, capfd):
+    data = dataflash(flown)
+    whole = tmp_path / "whole.bin"
+    whole.write_bytes(data)
+    hurt = bytearray(data)
+    hurt[data.index(NVAL, len(data) // 2) + 2] = 0x77  # a kind that no FMT describes
+    path = tmp_path / "hurt.bin"
+    path.write_bytes(hurt)
+    log, all_of_it = read_dataflash(path), read_dataflash(whole)
+    assert all_of_it.bad_bytes == 0
+    assert log.records == {**all_of_it.records, "NVAL": all_of_it.records["NVAL"] - 1}
+    assert log.bad_bytes == 0, "less than a page is as much as pads a whole log's end"
+    hurt[data.index(FMT, 200) + 2] = 0x77  # all of one kind is lost with its description, and that kind alone
+    path.write_bytes(hurt)
+    assert sum(kind not in read_dataflash(path).records for kind in all_of_it.records) <= 1
+    hurt = bytearray(data)
+    hurt[len(data) // 2 : len(data) // 2 + 2000] = bytes(2000)
+    path.write_bytes(hurt)
+    log = read_dataflash(path)
+    assert 2000 <= log.bad_bytes < 2300
+    assert log.records["NVAL"] > all_of_it.records["NVAL"] - 20
+    (note, *_) = open_recording(path).flight(None, Assumed()).notes
+    assert note == f"hurt.bin: damaged, {log.bad_bytes:,} bytes are in no record; the others are used"
+    assert capfd.readouterr().err == ""
+
+
+def test_a_bin_without_one_record_is_none(tmp_path):
+    path = tmp_path / "x.bin"
+    for data in (bytes(3000), b"\xa3", random.Random(1).randbytes(500)):
+        path.write_bytes(data)
+        with pytest.raises(BadInputError, match=r"x\.bin: no DataFlash log: expected records that begin with a3 95"):
+            read_dataflash(path)
 
 
 def test_it_is_known_by_its_first_bytes_whatever_its_name(tmp_path, flown):

@@ -51,6 +51,8 @@ def test_predicted_and_realised_stand_side_by_side(case):
     own = math.sqrt(np.trace(estimate.position_covariance_m2, axis1=1, axis2=2).mean())
     assert rows["Realised", "the result’s own ±"][0] == significant(own, 2)
     assert ("Bound", "at the sources found") in rows
+    assert [bar.name for bar in page.foreseen.bars] == ["Sources", "Corners"]  # the path's error is of all its length
+    assert rows["Realised", "error against truth"][1] == significant(np.sqrt(np.mean(result.vertex_error_m**2)), 2)
     assert page.foreseen.basis.startswith("Recorded before take-off: for 3 sources anywhere in 32.0 × 31.2 m")
 
 

@@ -43,11 +43,24 @@ def test_csv_columns_of_other_names_and_units(tmp_path: Path) -> None:
     np.testing.assert_allclose(series.place_m, [[1.0, 2.0], [3.0, 4.0]])
 
 
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_columns_stand_apart_by_what_spreadsheets_write(delimiter: str, tmp_path: Path) -> None:
+    text = "time_s,value,east_m,north_m\n0,1.5,1,2\n1,2.5,3,4\n".replace(",", delimiter)
+    series = read_csv(csv_of(tmp_path, text))
+    np.testing.assert_allclose(series.value, [1.5, 2.5])
+    np.testing.assert_allclose(series.place_m, [[1.0, 2.0], [3.0, 4.0]])
+
+
 @pytest.mark.parametrize(
     ("text", "columns", "said"),
     [
-        ("", None, "line 1: column time_s: missing, it has none"),
-        ("time_s,reading\n0,1\n", None, "line 1: column value: missing, it has time_s, reading"),
+        ("", None, "is empty; expected a line of column names and readings below it"),
+        (" \n\n", None, "is empty; expected a line of column names and readings below it"),
+        (
+            "time_s,reading\n0,1\n",
+            None,
+            "line 1: column value: missing, it has time_s, reading; --columns value=NAME says which it is",
+        ),
         ("time_s,value\n0,1\n1,2\n", "east_m=X", "line 1: column X: missing, it has time_s, value"),
         ("time_s,value\n0,1\n1,warm\n", None, "line 3: value: expected a finite number, got 'warm'"),
         ("time_s,value\n0,1\n1,nan\n", None, "line 3: value: expected a finite number, got 'nan'"),
