@@ -20,7 +20,7 @@ class Answers:
     """The distinct fits of a problem, best first, and what is needed to tell what they are worth.
 
     The problem is in units of its own; `freedom_inside` are the numbers the legs can carry at most; `loose`: how legs
-    may begin beside the corners (`solve.Task`).
+    may begin beside the corners (`task.Task`).
     """
 
     problem: Problem

@@ -13,8 +13,9 @@ from dslam_mav.dslam.certify import too_few
 from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.priors import Priors
 from dslam_mav.dslam.problem import problem, steadied
-from dslam_mav.dslam.solve import Task, solve
+from dslam_mav.dslam.solve import solve
 from dslam_mav.dslam.state import layout
+from dslam_mav.dslam.task import Patience, Task
 from dslam_mav.dslam.units import normalised, units_of
 from dslam_mav.records import Estimate, Flight, Medium, Verdict
 
@@ -30,9 +31,9 @@ class Question:
     seed: int
 
 
-def answered(question: Question, k_sources: int, *, patient: bool = True) -> Answers | Estimate:
-    """The fits for a given number of sources, or the estimate that has none; not `patient`, nothing is tried to mend a
-    misfit. Both say in `diagnostics` what is left of the readings.
+def answered(question: Question, k_sources: int, patience: Patience = Patience.ALL) -> Answers | Estimate:
+    """The fits for a given number of sources, or the estimate that has none, with so much `patience` where they do not
+    fit. Both say in `diagnostics` what is left of the readings.
     """
     flight, medium = question.flight, question.medium
     tau = medium.activation_s
@@ -48,7 +49,9 @@ def answered(question: Question, k_sources: int, *, patient: bool = True) -> Ans
     if reason is not None:
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
     unit = units_of(raw)
-    task = Task(normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start, patient)
+    task = Task(
+        normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start, patience
+    )
     solved = solve(task, np.random.default_rng(question.seed))
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")

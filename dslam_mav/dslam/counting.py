@@ -7,6 +7,7 @@ import numpy as np
 from dslam_mav.dslam.answers import Answers
 from dslam_mav.dslam.asked import Question, answered
 from dslam_mav.dslam.certify import MISFIT_MATTERS, MISFIT_P_VALUE
+from dslam_mav.dslam.task import Patience
 from dslam_mav.records import Estimate
 
 DOUBTFUL_P = 0.05
@@ -20,13 +21,15 @@ def counted(question: Question, max_sources: int) -> Found:
     Too few sources leave a misfit that no patience mends: they are held against the answer only where it is as small
     as what a shape leaves.
     """
-    best, k_best, mended = answered(question, 1, patient=False), 1, False
+    best, k_best, mended = answered(question, 1, Patience.NONE), 1, False
     for k_sources in range(2, max_sources + 1):
-        more = answered(question, k_sources, patient=False)
+        more = answered(question, k_sources, Patience.NONE)
         if "cost" not in more.diagnostics:
             break  # too few data for so many
         if more_is_better(best, more) and _mendable(best):
-            best, mended = answered(question, k_best), True
+            # the search for one source misses nothing that another search would find
+            mended = k_best > 1
+            best = answered(question, k_best, Patience.ALL if mended else Patience.FITS)
         if more_is_better(best, more):
             best, k_best, mended = more, k_sources, False
         elif _white(best) or _mendable(best):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dslam_mav.dslam.beam import REACH_SPREADS, corners_by_energy, search_round
 from dslam_mav.dslam.compress import Compressed
 from dslam_mav.dslam.fit import Fit, fit
+from dslam_mav.dslam.kernels.distinct import farthest_apart
 from dslam_mav.dslam.modes import misfit
 from dslam_mav.dslam.path import corners
 from dslam_mav.dslam.problem import Known, Problem
@@ -130,9 +131,15 @@ class _Pool:
 
 def apart(prob: Problem, a: State, b: State) -> float:
     """The largest distance between the sources of two answers, whatever their order, or the corners of their paths."""
+    if prob.basis is None and prob.dimensions == 2:
+        return float(farthest_apart(a.s, b.s, _flown(prob, a), _flown(prob, b)))
     nearest = np.linalg.norm(a.s[:, None] - b.s[None, :], axis=2).min(axis=1).max()
     off = corners(prob, a) - corners(prob, b)
     return float(max(nearest, np.linalg.norm(off, axis=1).max()))
+
+
+def _flown(prob: Problem, state: State) -> tuple[Array, Array, Array]:
+    return state.theta, prob.length + state.longer, state.gap
 
 
 def media_starts(prob: Problem, k_sources: int, rng: np.random.Generator, *, threads: int = 2) -> Starts:

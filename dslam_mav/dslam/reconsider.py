@@ -11,6 +11,7 @@ import numpy as np
 from dslam_mav.dslam.asked import Question, answered, whole
 from dslam_mav.dslam.certify import MISFIT_P_VALUE
 from dslam_mav.dslam.counting import more_is_better
+from dslam_mav.dslam.task import Patience
 from dslam_mav.records import Estimate, Flight, Verdict
 
 STANDS = "The field was found to stand still."
@@ -49,15 +50,15 @@ def _drifts(question: Question, result: Estimate) -> bool:
     if result.diagnostics["corners_loose"] and result.diagnostics["whiteness_p"] > LITTLE_LEFT:
         return False
     drifting = replace(question, medium=replace(medium, ambient_drift_per_s=None), start=result)
-    told = answered(drifting, len(result.sources), patient=_beside_corners(question)).diagnostics
+    told = answered(drifting, len(result.sources), _patience(question)).diagnostics
     return bool(told.get("whiteness_p", 0.0) >= MISFIT_P_VALUE and told["cost"] < result.diagnostics["cost"])
 
 
-def _beside_corners(question: Question) -> bool:
-    """Whether legs may begin beside their corners: that takes patience. Another model is right only where it leaves
-    nothing, and what else patience mends it need not.
+def _patience(question: Question) -> Patience:
+    """Another model is right only where it leaves nothing, and needs no more than corners that are loose where they
+    may be.
     """
-    return question.priors.corner_sd_m is not None
+    return Patience.NONE if question.priors.corner_sd_m is None else Patience.FITS
 
 
 def _or_standing(question: Question, result: Estimate) -> Estimate:
@@ -94,7 +95,7 @@ def _or_cooling(question: Question, result: Estimate, doubtful: bool) -> Estimat
     drift = question.medium.ambient_drift_per_s
     medium = replace(question.medium, ambient_drift_per_s=None if drift is None else -drift)
     upside_down = replace(question, flight=turned, medium=medium, start=None)
-    told = answered(upside_down, len(result.sources), patient=_beside_corners(question)).diagnostics
+    told = answered(upside_down, len(result.sources), _patience(question)).diagnostics
     if told.get("whiteness_p", 0.0) < MISFIT_P_VALUE or told["cost"] >= result.diagnostics["cost"]:
         return result
     others = tuple(replace(other, verdict=Verdict.MODEL_MISFIT) for other in result.alternatives)

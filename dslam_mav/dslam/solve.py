@@ -13,15 +13,14 @@ from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.media import apart
-from dslam_mav.dslam.priors import USUAL_LAG, Priors, both_sides, bounded, constrained, eased, lone_starts
+from dslam_mav.dslam.priors import USUAL_LAG, both_sides, bounded, constrained, eased, lone_starts
 from dslam_mav.dslam.problem import Known, Problem, alike
 from dslam_mav.dslam.race import raced
 from dslam_mav.dslam.reduce import binned, reduced
 from dslam_mav.dslam.resume import backwards, fits_the_flight, regrown, resumed, turned_round
 from dslam_mav.dslam.starts import Starts, warm_starts
 from dslam_mav.dslam.state import State, layout, loose_corners
-from dslam_mav.dslam.units import Units
-from dslam_mav.records import Estimate
+from dslam_mav.dslam.task import Patience, Task
 
 Array = NDArray[np.float64]
 
@@ -55,24 +54,6 @@ class Solution:
     loose: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Task:
-    """A problem in units of its own, how many sources to find, what is known besides, and where to begin.
-
-    Not `patient`, an answer that leaves more than noise is taken as it is; `loose`, legs may begin beside the corners:
-    past them above 0, before them below, and so many times as far off as is usual.
-    """
-
-    problem: Problem
-    k_sources: int
-    priors: Priors
-    unit: Units
-    extent_free: bool
-    start: Estimate | None = None
-    patient: bool = True
-    loose: float = 0.0
-
-
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
     """Every answer within the window; None where the search finds no start."""
     task = replace(task, problem=replace(task.problem, slack=_slack(task)))
@@ -99,7 +80,7 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
         solved = _with_ages(task, begun, solved, coarse, rng)
     states = begun.states
     for dither in DITHERS[: 1 if task.k_sources <= FEW else None]:
-        if solved is None or not (solved.level.misfit and task.patient and flat):
+        if solved is None or not (solved.level.misfit and task.patience is Patience.ALL and flat):
             break
         doubted = replace(dithered(coarse, dither, rng), extent=None if task.extent_free else coarse.extent)
         more = begin(task.problem, doubted, task.k_sources, rng)
@@ -146,11 +127,12 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
         task = replace(task, problem=reduced(task.problem, narrowest))
         begun = _on_all_readings(begun, task.problem, task.problem.n_readings / coarse.n_readings)
     found = _found(task, begun, rng)
-    if found is None or not task.patient:
+    if found is None or task.patience is Patience.NONE:
         return found
     best = _loosened(task, found, begun, rng)
     if task.extent_free and best.level.misfit:
-        begun = replace(begun, states=(*begun.states, *found.ends))
+        before = begun.states if task.patience is Patience.ALL else ()
+        begun = replace(begun, states=(*before, *found.ends))
         shaped = _better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
         best = shaped if best is found or _likelier(shaped, best) else best
     return best
