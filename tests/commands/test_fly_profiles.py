@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fakes import flying
 from running import run
@@ -12,7 +13,7 @@ from running import run
 from dslam_mav.log.reader import read_log
 from dslam_mav.mav.link import Link
 from dslam_mav.mission import Home, leg_plan
-from missions.plan_file import read_plan
+from missions.plan_file import parse_plan, read_plan
 
 THERE = Home(-35.363262, 149.165237, 584.0)
 
@@ -31,6 +32,11 @@ def test_ardupilot_on_optical_flow_over_the_one_place_of_a_tcp_port(flown: Any, 
     assert max(done.object["errors"]["sources_m"]) < 2.0
     log = read_log(Path(done.object["log"]))
     assert len(log.readings) > 150
+    assert log.truth is not None
+    planned_m = leg_plan(parse_plan(log.attachments["mission.waypoints"], "log").mission).vertices_m
+    off_m = np.linalg.norm(log.truth.vertices_m - planned_m, axis=1)
+    assert 0.2 < off_m.max() < 6.0, "truth is where the simulator had it, not where it was to fly"
+    assert run("replay", done.object["log"], "--json").object["errors"] == done.object["errors"]
     heard = {frame[7:10] for _, frame in log.frames}
     assert (108).to_bytes(3, "little") in heard, "SIM_STATE"
     ours, theirs = (leg_plan(read_plan(file).mission).vertices_m for file in (flown.plan, held))
