@@ -86,7 +86,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         prediction = predict(recorder, held, setup.assumptions, setup.readings.sensor)
         crew = _crew(vehicle, setup, held, recorder, options)
         collector = crew.onboard.collector
-        flying = Flying(vehicle, given, collector, recorder, setup.assumptions)
+        flying = Flying(vehicle, given, collector, recorder, setup.assumptions, lambda: crew.onboard.result)
         now_held = steer(stack, flying, options, screen, lambda changed: _changed(changed, setup, crew, recorder))
         stopped = _follow(vehicle, crew, legs, screen)
         if options.connect and isinstance(stopped, KeyboardInterrupt):

@@ -240,3 +240,12 @@ def test_a_proposal_too_late_for_a_vehicle_in_a_hurry_says_so(scene: Path, monke
     )
     assert re.search(told, done.err)
     assert "times real time" in done.err
+
+
+def test_a_target_reached_with_the_last_leg_or_never_is_told(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    advised(monkeypatch)
+    done = fly(scene, "--target-sd", 8)
+    assert "--target-sd 8: reached with the last leg: every source is known to " in texts(done)
+    assert "--target-sd" not in done.err
+    done = fly(scene, "--target-sd", 0.001)
+    assert "--target-sd 0.001: not reached: the least sure source is known to " in done.err
