@@ -85,7 +85,8 @@ class Sampler:
     Nothing is read after the last vertex is reached nor, but every `before_s`, before the first, unless `always`. What
     is read before has the time 0: how long it is until then nobody knows. `skipped` counts
     readings left out because the vehicle flew faster than whole milliseconds allow, `unplaced` those due while its
-    positions did not come: it may have turned meanwhile.
+    positions did not come: it may have turned meanwhile. `reached_m`: where it was when it said that it reached a
+    vertex, [east, north, up] by the vertex's number.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class Sampler:
             raise BadInputError(f"mission: expected at least 2 waypoints, got {len(vertex_seqs)}")
         self.skipped = self.unplaced = 0
         self.finished = False
+        self.reached_m: dict[int, Array] = {}
         self._sampling = sampling
         self._vertices = tuple(vertex_seqs)
         self._always = always
@@ -126,11 +128,15 @@ class Sampler:
         if self.started and not self.finished and last_seq != self.last_seq:
             self.follow((*(v for v in self._vertices if v <= current_seq), *range(current_seq + 1, last_seq + 1)))
 
-    def reached(self, seq: int) -> None:
-        """MISSION_ITEM_REACHED: a vertex ends a leg and begins the next; others do nothing."""
+    def reached(self, seq: int, *, told: bool = True) -> None:
+        """MISSION_ITEM_REACHED: a vertex ends a leg and begins the next; others do nothing. Not `told`: it was lost,
+        and nobody knows since when the vertex is passed.
+        """
         if seq not in self._vertices or self._vertices.index(seq) <= self._at or self._last is None:
             return
         self._at = self._vertices.index(seq)
+        if told:
+            self.reached_m[seq] = self._last.place_m
         if self._at == len(self._vertices) - 1 and not self._always:
             self.finished = True
             return
@@ -139,7 +145,7 @@ class Sampler:
     def passed(self, seq: int, current: int) -> None:
         """MISSION_CURRENT went from `seq` to `current`: the vertices from the one up to the other are passed."""
         for vertex in [v for v in self._vertices if seq <= v < current][-1:]:
-            self.reached(vertex)
+            self.reached(vertex, told=False)
 
     def landed(self) -> None:
         """The mission is over; whoever was reading reads no more."""

@@ -6,12 +6,17 @@ A copter that navigates by optical flow drifts by metres and does not know it; t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dslam_mav.errors import LinkError
 from dslam_mav.mav.truth import KINDS, true_place
 from dslam_mav.mission import DEGREES_E7, Home, e7_to_enu
 
+Array = NDArray[np.float64]
 Source = Literal["sim", "vehicle"]
 Placed = tuple[int, tuple[float, float, float]]  # time_boot_ms, [east, north, up] in metres from home
 
@@ -90,3 +95,16 @@ class Whereabouts:
     def _enu_m(self, true: Home) -> tuple[float, float]:
         assert self.home is not None
         return e7_to_enu(round(true.latitude_deg * DEGREES_E7), round(true.longitude_deg * DEGREES_E7), self.home)
+
+
+def path_flown(planned_m: Array, sequence: Sequence[int], reached_m: Mapping[int, Array]) -> Array:
+    """(L+1, 2) the corners that were flown: where the vehicle was when it reached each, by the items' numbers; those
+    nobody told of are where the plan has them, and as far off as their neighbours.
+
+    Overshoot and drift take a vehicle metres away from its plan: its readings are those of where it was.
+    """
+    known = [j for j, seq in enumerate(sequence) if seq in reached_m]
+    if not known:
+        return planned_m
+    off_m = np.array([reached_m[sequence[j]][:2] - planned_m[j] for j in known])
+    return np.asarray(planned_m + np.column_stack([np.interp(range(len(sequence)), known, axis) for axis in off_m.T]))

@@ -68,11 +68,14 @@ def flying(*listen: str, **options: Any) -> Iterator[tuple[str, ...]]:
 
 
 class ScriptedVehicle:
-    """A vehicle whose every answer is written down: `answer(message)` gives the messages to send back."""
+    """A vehicle whose every answer is written down: `answer(message)` gives the messages to send back. Of itself it
+    sends so many HEARTBEATs, `beats`.
+    """
 
     def __init__(self, answer: Callable[[Any], list[Any]], *, autopilot: int = 0, beats: float = math.inf) -> None:
         self._answer = answer
         self._autopilot = autopilot
+        self._beats = beats
         self.silent_from_s = math.inf  # monotonic time from which on it is gone
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._sock.bind(("127.0.0.1", 0))
@@ -104,8 +107,9 @@ class ScriptedVehicle:
                     for message in self._answer(frame.message):
                         if time.monotonic() < self.silent_from_s:
                             self._sock.sendto(encoder.pack(message), peer)
-            if peer and time.monotonic() - beat_s > 0.3 and time.monotonic() < self.silent_from_s:
-                beat_s = time.monotonic()
+            due = time.monotonic() - beat_s > 0.3 and time.monotonic() < self.silent_from_s
+            if peer and due and self._beats > 0:
+                beat_s, self._beats = time.monotonic(), self._beats - 1
                 beat = dialect.MAVLink_heartbeat_message(2, self._autopilot, 0, 0, 3, 3)
                 self._sock.sendto(encoder.pack(beat), peer)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from argparse import Namespace
 from collections.abc import Callable
@@ -17,22 +18,27 @@ from dslam_mav.commands.background import background
 from dslam_mav.commands.meeting import Met
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.steering import Ear, Steering
+from dslam_mav.dslam.scoring import has_positions
 from dslam_mav.legs import LegCollector, plan_facts
 from dslam_mav.log.recorder import Recorder
 from dslam_mav.mission import DEGREES_E7, Home, Mission, home_of
+from dslam_mav.records import Estimate, Verdict
 from missions.fence import Fence
 from missions.plan_fence import read_fence
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flying:
-    """What steering needs of a flight under way; `held` is the mission as the vehicle gave it back."""
+    """What steering needs of a flight under way; `held` is the mission as the vehicle gave it back, `answer` the newest
+    there is.
+    """
 
     vehicle: Met
     held: Mission
     collector: LegCollector
     recorder: Recorder
     assumptions: Assumptions
+    answer: Callable[[], Estimate | None]
 
 
 def steer(
@@ -74,11 +80,22 @@ def steer(
         if thread.error is not None:
             ear.warn(f"adaptive: {thread.error!r}: the mission was flown on as it was")
         if options.target_sd is not None and not worker.reached:
-            ear.warn(f"--target-sd {options.target_sd:g}: not reached before the last leg")
+            _tell_target(options.target_sd, flying.answer(), ear)
 
     stack.callback(told)
     thread = stack.enter_context(background(worker.run, "steering"))
     return lambda: as_logged(worker.held)
+
+
+def _tell_target(target_m: float, answer: Estimate | None, ear: Ear) -> None:
+    """The legs were flown to the last: is every source as sure as wanted now?"""
+    least_m = math.inf if answer is None or not has_positions(answer) else float(answer.sd_m.max())
+    if answer is not None and answer.verdict is Verdict.IDENTIFIED and least_m <= target_m:
+        ear.tell(f"--target-sd {target_m:g}: reached with the last leg: every source is known to {least_m:.3g} m")
+        return
+    known = f": the least sure source is known to {least_m:.3g} m" if math.isfinite(least_m) else ""
+    also = ", and other answers fit" if answer is not None and answer.verdict is Verdict.AMBIGUOUS else ""
+    ear.warn(f"--target-sd {target_m:g}: not reached{known}{also}")
 
 
 def _fence(options: Namespace, held: Mission) -> Fence:

@@ -23,6 +23,7 @@ from dslam_mav.commands.outcome import Outcome, truth_of
 from dslam_mav.commands.readings import Readings, left_out
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
+from dslam_mav.commands.truth_flown import attach_truth, log_truth, truth_along
 from dslam_mav.errors import DslamError, LinkError
 from dslam_mav.legs import LegCollector, flight_of, plan_facts
 from dslam_mav.log.recorder import Also, Recorder
@@ -32,7 +33,6 @@ from dslam_mav.mav.onboard import Onboard, Update
 from dslam_mav.mav.ports import Port
 from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import LegPlan, Mission, home_of, leg_plan
-from dslam_mav.records import Truth
 from dslam_mav.records.words import count
 from sim_bridge.bridge import Bridge
 from sim_bridge.whereabouts import Whereabouts
@@ -81,19 +81,22 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         legs = leg_plan(held)
         recorder = stack.enter_context(Recorder(folder / "flight.mcap", setup.live))
         point_latest(folder)
-        truth = _truth(setup, held)
         attach(recorder, held, setup.assumptions, system)
-        _attach(recorder, setup, truth)
+        attach_truth(recorder, setup.readings, held)
         prediction = predict(recorder, held, setup.assumptions, setup.readings.sensor)
         crew = _crew(vehicle, setup, held, recorder, options)
         collector = crew.onboard.collector
-        flying = Flying(vehicle, given, collector, recorder, setup.assumptions)
+        flying = Flying(vehicle, given, collector, recorder, setup.assumptions, lambda: crew.onboard.result)
         now_held = steer(stack, flying, options, screen, lambda changed: _changed(changed, setup, crew, recorder))
         stopped = _follow(vehicle, crew, legs, screen)
         if options.connect and isinstance(stopped, KeyboardInterrupt):
             screen.warn(f"vehicle {system} was not told to stop: it goes on with its mission")
         held, flown = now_held(), collector.legs(final=True)
-        legs, truth = leg_plan(held), _truth(setup, held)
+        legs = leg_plan(held)
+        reached_m = crew.bridge.sampler.reached_m if options.connect else {}  # our own vehicle flies as planned
+        truth = truth_along(setup.readings, held, reached_m)
+        if truth is not None and reached_m:
+            stopped = stopped or log_truth(recorder, truth)
         return Outcome(
             flight=flight_of(flown),
             estimate=crew.onboard.result,
@@ -159,7 +162,7 @@ def _crew(vehicle: Met, setup: Setup, held: Mission, recorder: Recorder, options
 def _changed(held: Mission, setup: Setup, crew: _Crew, recorder: Recorder) -> None:
     """The vehicle holds another mission: sensor and truth follow it."""
     crew.bridge.sampler.follow(leg_plan(held).sequence)
-    if (truth := _truth(setup, held)) is not None:
+    if (truth := truth_along(setup.readings, held)) is not None:
         recorder.truth(time.time_ns(), truth)
 
 
@@ -230,20 +233,6 @@ def _missing(readings: Readings, bridge: Bridge) -> list[str]:
     if bridge.sampler.unplaced:
         lines.append(left_out(bridge.sampler.unplaced, readings.name, "the vehicle's place was not heard"))
     return lines
-
-
-def _truth(setup: Setup, held: Mission) -> Truth | None:
-    truth = setup.readings.truth
-    if truth is None:
-        return None
-    return Truth(truth.source_position_m, truth.amplitude, leg_plan(held).vertices_m)
-
-
-def _attach(recorder: Recorder, setup: Setup, truth: Truth | None) -> None:
-    if setup.readings.attachment is not None:
-        recorder.attach(*setup.readings.attachment)
-    if truth is not None:
-        recorder.truth(time.time_ns(), truth)
 
 
 def _facts(setup: Setup, legs: LegPlan, sent: int) -> dict[str, str]:

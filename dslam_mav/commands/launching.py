@@ -16,6 +16,10 @@ from dslam_mav.mav.signing import Signing
 from dslam_mav.mission import Mission, home_of
 from sim_bridge.vehicle import DEFAULT_HOME, Vehicle
 
+SPEEDUP = 10.0
+SPEEDUP_ADAPTIVE = 1.0
+"""Choosing the legs to come takes about a second of the host's time, whatever the vehicle's clock does."""
+
 _ERROR = 3  # MAV_SEVERITY
 
 
@@ -23,9 +27,8 @@ _ERROR = 3  # MAV_SEVERITY
 def loopback(options: Namespace, mission: Mission, signing: Signing | None) -> Iterator[str]:
     """A loopback vehicle of our own; the URL to reach it at."""
     home = home_of(mission) or DEFAULT_HOME
-    vehicle = Vehicle(
-        ["udpin:127.0.0.1:0"], speedup=options.speedup, seed=options.seed or 0, home=home, signing=signing
-    )
+    speedup = options.speedup or (SPEEDUP_ADAPTIVE if options.adaptive else SPEEDUP)
+    vehicle = Vehicle(["udpin:127.0.0.1:0"], speedup=speedup, seed=options.seed or 0, home=home, signing=signing)
     with background(vehicle.run, "vehicle"):
         yield vehicle.urls[0].replace("udpin", "udpout", 1)
 

@@ -80,7 +80,8 @@ def _listen(
             odometry=sender(options, assumptions, vehicle, mission),
         )
         with ExitStack() as stack:
-            steer(stack, Flying(vehicle, held, collector, recorder, assumptions), options, screen)
+            flying = Flying(vehicle, held, collector, recorder, assumptions, lambda: onboard.result)
+            steer(stack, flying, options, screen)
             screen.say(f"Listening to vehicle {system} on {options.connect}, logging to {out}")
             with background(onboard.run, "onboard", ESTIMATE_PATIENCE_S) as worker:
                 try:

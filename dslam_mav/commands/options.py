@@ -43,6 +43,8 @@ def or_auto(parse: Callable[[str], float], *others: str) -> Callable[[str], floa
 
 
 AMBIENT = or_auto(number(float, -1e300, "a number, auto or hover"), "hover")
+DRIFT = or_auto(number(float, -1e300, "a number, or auto"))
+LAG = or_auto(number(float, 0.0, "0 or more, or auto"))
 
 
 def assumptions(parser: argparse.ArgumentParser) -> None:
@@ -64,12 +66,10 @@ def assumptions(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--ambient-drift",
         metavar="PER_S|auto",
-        type=or_auto(ANY),
+        type=DRIFT,
         help="of the ambient level, in reading units a second: a sensor that warms up (default: 0)",
     )
-    group.add_argument(
-        "--lag", metavar="S|auto", type=or_auto(NOT_NEGATIVE), help="time constant of a slow sensor (default: 0)"
-    )
+    group.add_argument("--lag", metavar="S|auto", type=LAG, help="time constant of a slow sensor (default: 0)")
     moving = group.add_mutually_exclusive_group()
     moving.add_argument("--static", action="store_true", help="the field stands still during the flight (default)")
     moving.add_argument("--evolving", action="store_true", help="it spreads during the flight: C = 4μ(t − τ)")

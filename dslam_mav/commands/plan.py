@@ -48,8 +48,10 @@ def run(options: Namespace) -> int:
         from dslam_mav.commands.plan_words import realised
 
         screen.say(realised(flown))
-    if planned.fence is not None and not planned.fence.lets_pass(path[:, :2]):
-        screen.warn(f"{planned.name} leaves the geofence of {options.fence}")
+    if planned.kept is not None and not planned.kept.lets_pass(path[:, :2]):
+        screen.warn(
+            f"{planned.name} leaves {f'the geofence of {options.fence}' if options.fence else 'its own geofence'}"
+        )
     if options.output:
         screen.say(f"Written {options.output}")
     from dslam_mav.commands import plan_words as words
@@ -100,7 +102,7 @@ def _judge(
         return {"reason": None, "instead": None}
     why, star = advice(options, planned, path, seen, expected)
     instead = None if star is None else suggestion(star, options, planned, expected)
-    limited = bool(options.turn) or bool(planned.fence)
+    limited = bool(options.turn) or bool(planned.kept)
     screen.warn(f"{planned.name} sees badly: {warning(why, instead, limited)}")
     return {"reason": why, "instead": instead_json(instead)}
 

@@ -31,7 +31,7 @@ def advice(
         return nearest_that_sees(path, seen, expected.groups, expected.sensing, centre_m, limits)
 
     low, high = options.turn or (0.0, 180.0)
-    limits = Limits(planned.fence or Fence(), options.margin or 0.0, (math.radians(low), math.radians(high)))
+    limits = Limits(planned.kept or Fence(), options.margin or 0.0, (math.radians(low), math.radians(high)))
     instead = star(limits)
     if options.turn and (instead is None or instead.seen.poor):
         free = star(replace(limits, turn_rad=ANYWHERE.turn_rad))

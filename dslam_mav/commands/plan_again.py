@@ -81,6 +81,8 @@ def _implied(options: Namespace, planned: Planned, expected: Expectation) -> Ite
     """What was taken from the poor plan, and another plan would say otherwise."""
     if options.area is None and (planned.fence is None or not planned.fence.within):
         yield from ("--area", ",".join(f"{metres:.4g}" for metres in expected.prior.region.extent))
+    if planned.own_fence is not None:
+        yield from ("--fence", str(options.plan))
     if options.spread is None and options.diffusivity is None:
         yield from ("--spread", f"{expected.prior.usual_spread_m:.4g}")
     if options.speed is None and planned.speed_m_s != DEFAULTS["speed"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +43,8 @@ MAKING = tuple(name for name in (*DEFAULTS, *READ_ONLY) if name != "speed")
 @dataclass(frozen=True, slots=True)
 class Planned:
     """A mission, what it is called, its speed, its fence in metres and as its file has it, its home if that is not the
-    usual one, and the sources it was made for.
+    usual one, and the sources it was made for. `own_fence`: that of the plan's own file where `--fence` names none:
+    what is advised keeps to it, but it says nothing of where the sources are.
     """
 
     mission: Mission
@@ -53,6 +54,12 @@ class Planned:
     raw_fence: dict[str, Any] | None = None
     home: str | None = None
     prior: Prior | None = None
+    own_fence: Fence | None = None
+
+    @property
+    def kept(self) -> Fence | None:
+        """The fence that what is flown has to keep to."""
+        return self.fence or self.own_fence
 
     @property
     def fenced(self) -> bool:
@@ -93,7 +100,7 @@ def _read(options: Namespace, geofence: GeoFence | None, screen: Screen) -> Plan
         screen.warn(note)
     home = home_of(file.mission)
     speeds = [i.params[1] for i in file.mission.items if i.command == CMD_CHANGE_SPEED and i.params[1] > 0.0]
-    return Planned(
+    planned = Planned(
         file.mission,
         Path(options.plan).name,
         options.speed or (float(speeds[0]) if speeds else DEFAULTS["speed"]),  # type: ignore[arg-type]
@@ -101,6 +108,18 @@ def _read(options: Namespace, geofence: GeoFence | None, screen: Screen) -> Plan
         geofence.raw if geofence else file.fence,
         home=_place(home) if home else None,
     )
+    if geofence is None and home is not None and planned.fenced:
+        return replace(planned, own_fence=_own_fence(options.plan, home, screen))
+    return planned
+
+
+def _own_fence(file: str, home: Home, screen: Screen) -> Fence | None:
+    """Of a plan somebody drew; one that cannot be understood is no reason not to look at the plan."""
+    try:
+        return read_fence(file).around(home)
+    except BadInputError as problem:
+        screen.warn(f"{problem}: what is advised does not keep to this geofence")
+        return None
 
 
 def _make(options: Namespace, geofence: GeoFence | None, screen: Screen) -> Planned:

@@ -34,6 +34,7 @@ FIRST_ADVICE_S = 2.0  # what the first takes, until its own time is known
 ADVICE_FACTOR = 2.0  # of the longest so far is allowed for
 LISTEN_S = 0.05
 HEARTBEAT_S = 1.0
+HURRY = 1.5  # times real time
 LEAST_LEFT = 1e-3  # of the mission: less is no leg
 
 
@@ -118,7 +119,7 @@ class Steering:
             return
         new = continued(self.held, way.end_seq, turns, advice.length_m)
         if not self._in_time(way):
-            self._ear.warn(f"adaptive, leg {number}: the proposal came too late; the old mission is flown on")
+            self._ear.warn(f"adaptive, leg {number}: {_too_late(self._pace)}; the old mission is flown on")
             return
         try:
             self.held = change(self._link, self._system, self.held, new, way.end_seq)
@@ -165,6 +166,11 @@ def _flight(way: UnderWay) -> Flight:
     """As far as it is read, the leg under way as long as it will be."""
     flight = flight_of(way.legs)
     return replace(flight, legs=(*flight.legs[:-1], replace(flight.legs[-1], length_m=way.planned_m)))
+
+
+def _too_late(pace: float) -> str:
+    why = f": the vehicle's clock runs {pace:.2g} times real time" if pace > HURRY else ""
+    return f"the proposal came too late{why}"
 
 
 def _in_words(number: int, advice: Advice, turns: list[float]) -> str:

@@ -140,5 +140,8 @@ def _fly(commands: Commands) -> None:
     live(parser)
     parser.add_argument("--out", metavar="DIR", default="logs", help="parent of the flight's folder (default: logs)")
     parser.add_argument(
-        "--speedup", metavar="X", type=POSITIVE, default=10.0, help="of the loopback vehicle (default: 10)"
+        "--speedup",
+        metavar="X",
+        type=POSITIVE,
+        help="of the loopback vehicle (default: 10; with --adaptive 1, for choosing legs takes its time)",
     )

@@ -30,6 +30,9 @@ def notes(
     if missed := _missed(legs, plan):
         gone = agree(missed, "leg 1 of the mission is", f"legs 1 to {missed} of the mission are")
         lines.append(f"{gone} missing: leg 1 here is its leg {missed + 1}")
+    if left := _left(legs, plan):
+        gone = agree(left, "the last leg of the mission is", f"the last {left} legs of the mission are")
+        lines.append(f"{gone} missing: {count(len(legs), 'leg')} {agree(len(legs), 'is', 'are')} used")
     for j, leg in enumerate(legs, 1):
         if leg.value.size == 0:
             lines.append(f"leg {j} of {len(legs)} has no readings")
@@ -45,6 +48,13 @@ def _missed(legs: tuple[FlownLeg, ...], plan: PlanFacts | None) -> int:
     if plan is None or not legs or legs[0].start_seq not in plan.vertices:
         return 0
     return plan.vertices.index(legs[0].start_seq)
+
+
+def _left(legs: tuple[FlownLeg, ...], plan: PlanFacts | None) -> int:
+    """How many of the plan's legs lie behind the last one here: a failsafe brought the vehicle down, say."""
+    if plan is None or not legs or legs[-1].end_seq not in plan.vertices:
+        return 0
+    return len(plan.vertices) - 1 - plan.vertices.index(legs[-1].end_seq)
 
 
 def mean_heading_rad(leg: FlownLeg, yaw: list[tuple[int, float]]) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from running import SCENE, Done, run, spawn_vehicle, stop
 
-from dslam_mav.commands import steering
+from dslam_mav.commands import launching, steering
 from dslam_mav.log.reader import read_log
 from dslam_mav.mav.mission import change, protocol, server
 from dslam_mav.mission import leg_plan
@@ -208,3 +209,43 @@ def test_a_mission_in_the_vehicle_that_would_lose_an_item_is_refused_too(tmp_pat
     assert (done.code, done.out) == (2, "")
     assert "vehicle 1's mission: item 4 (DO_CHANGE_SPEED) with --adaptive" in done.line()
     assert not log.exists()
+
+
+def test_without_a_word_on_its_pace_the_vehicle_leaves_time_for_proposals(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten times real time, as other flights are, every proposal would come too late."""
+    advised(monkeypatch)
+    begun: list[float] = []
+    vehicle = launching.Vehicle
+
+    def built(*words: Any, speedup: float, **more: Any) -> Any:
+        begun.append(speedup)
+        return vehicle(*words, speedup=8.0, **more)
+
+    monkeypatch.setattr(launching, "Vehicle", built)
+    for more in ((), ("--adaptive",), ("--adaptive", "--speedup", 3)):
+        words = ("fly", "--scene", scene, "--sources", 2, "--ambient", 20, "--out", scene.parent / "logs", *more)
+        assert run(*words).code == 0
+    assert begun == [10.0, 1.0, 3.0]
+
+
+def test_a_proposal_too_late_for_a_vehicle_in_a_hurry_says_so(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    advised(monkeypatch)
+    monkeypatch.setattr(steering, "TRANSFER_S", 20.0)
+    done = fly(scene)
+    assert done.code == 0, done.err
+    told = (
+        r"leg 1: the proposal came too late(: the vehicle's clock runs [34](\.\d)? times real time)?; the old mission"
+    )
+    assert re.search(told, done.err)
+    assert "times real time" in done.err
+
+
+def test_a_target_reached_with_the_last_leg_or_never_is_told(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    advised(monkeypatch)
+    done = fly(scene, "--target-sd", 8)
+    assert "--target-sd 8: reached with the last leg: every source is known to " in texts(done)
+    assert "--target-sd" not in done.err
+    done = fly(scene, "--target-sd", 0.001)
+    assert "--target-sd 0.001: not reached: the least sure source is known to " in done.err

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from running import run
+
+from sim_bridge.vehicle import DEFAULT_HOME
 
 
 def error_m(*words: object) -> float:
@@ -122,3 +126,58 @@ def test_simulated_missions_are_the_same_whoever_flies_them() -> None:
 def test_what_to_fly_instead_is_centred_to_a_decimetre() -> None:
     said = run("plan", "--pattern", "lawnmower", "--sources", 3, "--centre", "1234.56,-2345.67", "--json").object
     assert "--centre 1234.6,-2345.7" in said["instead"]["command"]
+
+
+def fenced(tmp_path: Path, change: Any) -> Path:
+    """A lawnmower in a fence of its own, which `change` spoils."""
+    plan = tmp_path / "mower.plan"
+    run("plan", "--pattern", "lawnmower", "--centre", "0,0", "-o", plan)
+    root = json.loads(plan.read_text())
+    north, east = 30.0 / 111_190.0, 30.0 / 75_260.0
+    corners = [(-1, -1), (-1, 1), (1, 1), (1, -1)]
+    outline = [[DEFAULT_HOME.latitude_deg + a * north, DEFAULT_HOME.longitude_deg + b * east] for a, b in corners]
+    zones = {"version": 2, "polygons": [{"inclusion": True, "version": 1, "polygon": outline}], "circles": []}
+    change(zones)
+    plan.write_text(json.dumps({**root, "geoFence": zones}))
+    return plan
+
+
+def keep_out(zones: dict[str, Any]) -> None:
+    """About the middle, between two lanes of the mower."""
+    centre = [DEFAULT_HOME.latitude_deg, DEFAULT_HOME.longitude_deg]
+    zones["circles"] = [{"circle": {"center": centre, "radius": 2.0}, "inclusion": False, "version": 1}]
+
+
+def test_what_to_fly_instead_keeps_to_the_plans_own_geofence(tmp_path: Path) -> None:
+    plan = fenced(tmp_path, keep_out)
+    instead = run("plan", plan, "--sources", 3, "--spread", 10, "--json").object["instead"]
+    words = shlex.split(instead["command"])
+    assert words[-2:] == ["--fence", str(plan)]
+    star = run(*words, "--json")
+    assert (star.code, star.err) == (0, "")
+    assert star.object["predicted"] == instead["predicted"]
+    middle_m = np.array(star.object["vertices_m"])
+    steps = np.linspace(middle_m[:-1], middle_m[1:], 200)
+    assert np.linalg.norm(steps, axis=2).min() > 2.0
+    assert np.abs(middle_m).max() < 30.1
+
+
+def test_a_plan_that_leaves_its_own_geofence_is_told_so_and_one_nobody_understands_is_no_obstacle(
+    tmp_path: Path,
+) -> None:
+    assert "leaves its own geofence" not in run("plan", fenced(tmp_path, keep_out), "--sources", 3).err
+
+    def small(zones: dict[str, Any]) -> None:
+        zones["circles"] = [
+            {"circle": {"center": zones["polygons"][0]["polygon"][0], "radius": 25.0}, "inclusion": True}
+        ]
+
+    assert "mower.plan leaves its own geofence" in run("plan", fenced(tmp_path, small), "--sources", 3).err
+
+    def odd(zones: dict[str, Any]) -> None:
+        zones["polygons"][0]["polygon"] = "all over"
+
+    done = run("plan", fenced(tmp_path, odd), "--sources", 3)
+    assert done.code == 0
+    assert "geoFence.polygons[0].polygon" in done.err
+    assert "what is advised does not keep to this geofence" in done.err

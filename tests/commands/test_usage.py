@@ -14,7 +14,8 @@ from dslam_mav.commands.screen import Screen
 from dslam_mav.dslam import estimator
 
 COMMANDS = (
-    "plan", "upload", "download", "clear", "vehicle", "bridge", "onboard", "fly", "replay", "report", "info",
+    "plan", "upload", "download", "clear", "check", "vehicle", "bridge", "onboard", "fly", "replay", "report", "info",
+    "export", "recover", "layout", "sweep", "paper",
 )  # fmt: skip
 
 
@@ -36,7 +37,7 @@ def test_the_help_lists_every_command_and_the_exit_codes() -> None:
 def test_the_example_in_the_help_is_good_usage(command: str) -> None:
     from dslam_mav.cli import _parser
 
-    example = run(command, "--help").out.rsplit("example: dslam-mav ", 1)[1].split()
+    example = run(command, "--help").out.rsplit("example: dslam-mav ", 1)[1].splitlines()[0].split()
     assert _parser().parse_args(example).run
 
 
@@ -51,6 +52,8 @@ def test_usage_that_is_wrong_is_one_line_and_2() -> None:
         (["fly", "--speedup", "0"], "--speedup"),
         (["fly", "--speedup", "nan"], "--speedup"),
         (["fly", "--spread", "-1"], "--spread"),
+        (["fly", "--lag", "-1"], "'-1': expected 0 or more, or auto"),
+        (["fly", "--ambient-drift", "warm"], "'warm': expected a number, or auto"),
         (["fly", "--static", "--evolving"], "--evolving"),
         (["fly", "--heading", "north"], "'north'"),
         (["fly", "--sour", "2"], "--sour"),  # an abbreviation may mean something else tomorrow

@@ -266,10 +266,11 @@ def test_another_thread_may_ask_while_readings_come_in():
     assert not problems
 
 
-def test_a_flight_joined_midway_says_which_legs_are_missing():
+def test_a_flight_joined_midway_or_ended_early_says_which_legs_are_missing():
     collector = LegCollector(PlanFacts((2, 3, 4, 5), (10.0, 10.0, 10.0)))
     s, t = np.array([0.0, 9.0]), np.array([0, 1000])
-    last = FlownLeg(4, 5, 0, 1000, 10.0, s, t, np.array([1.0, 2.0]), "odometry")
-    first = FlownLeg(2, 3, 0, 1000, 10.0, s, t, np.array([1.0, 2.0]), "odometry")
+    first, middle, last = (FlownLeg(q, q + 1, 0, 1000, 10.0, s, t, np.array([1.0, 2.0]), "odometry") for q in (2, 3, 4))
     assert "legs 1 to 2 of the mission are missing: leg 1 here is its leg 3" in collector.notes((last,))
-    assert not any("missing" in note for note in collector.notes((first,)))
+    assert "the last leg of the mission is missing: 2 legs are used" in collector.notes((first, middle))
+    assert "the last 2 legs of the mission are missing: 1 leg is used" in collector.notes((first,))
+    assert not any("missing" in note for note in collector.notes((first, middle, last)))

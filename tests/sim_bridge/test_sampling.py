@@ -191,3 +191,16 @@ def test_before_the_first_vertex_a_mission_may_still_be_any() -> None:
         sampler.position(1000 * seq, (10.0 * (seq % 2), 0.0, 1.0))
         sampler.reached(seq)
     assert sampler.finished
+
+
+def test_it_knows_where_the_vehicle_was_at_the_vertices_that_were_told() -> None:
+    sampler = Sampler(Sampling(spacing_m=1.0), SEQS)
+    sampler.position(1000, (0.1, 0.0, 1.0))
+    sampler.reached(SEQS[0])
+    sampler.position(3000, (11.4, 0.3, 1.0))  # overshot
+    sampler.reached(SEQS[1])
+    sampler.position(4000, (10.0, 4.0, 1.0))
+    sampler.passed(SEQS[2], SEQS[3])  # lost: by the item flown to it is known too late
+    assert {seq: place.tolist() for seq, place in sampler.reached_m.items()} == {
+        SEQS[0]: [0.1, 0.0, 1.0], SEQS[1]: [11.4, 0.3, 1.0]
+    }  # fmt: skip

@@ -15,7 +15,7 @@ from dslam_mav.mav.frames import Parser, messages
 from dslam_mav.mav.odometry import to_body
 from dslam_mav.mission import Home, enu_to_e7
 from sim_bridge.odometry_feed import OdometryFeed
-from sim_bridge.whereabouts import Whereabouts
+from sim_bridge.whereabouts import Whereabouts, path_flown
 
 M = messages()
 HOME = Home(-35.363262, 149.165237, 584.0)
@@ -88,6 +88,14 @@ def test_a_simulator_asked_for_and_not_there_is_one_line() -> None:
     assert where.hear(believed(1, 0.0, 0.0), settled=False) is None
     with pytest.raises(LinkError, match="--truth-from sim: the vehicle offers neither"):
         where.check()
+
+
+def test_the_path_flown_has_its_corners_where_the_vehicle_was() -> None:
+    plan = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]])
+    reached = {2: np.array([0.0, 1.0, 9.0]), 4: np.array([42.0, 43.0, 9.0])}
+    flown = path_flown(plan, (2, 3, 4, 5), reached)
+    assert flown.tolist() == [[0.0, 1.0], [41.0, 2.0], [42.0, 43.0], [2.0, 43.0]]
+    assert path_flown(plan, (2, 3, 4, 5), {}) is plan
 
 
 def test_odometry_is_of_the_body_and_in_the_frames_ardupilot_takes() -> None:

@@ -12,7 +12,7 @@ from dslam_mav.mav.frames import messages
 from dslam_mav.mav.link import Link, wait_for_vehicle
 from dslam_mav.mav.mission import protocol, talk
 from dslam_mav.mav.mission.compare import first_difference
-from dslam_mav.mav.mission.transfer import clear, download, start, upload
+from dslam_mav.mav.mission.transfer import clear, download, upload
 from dslam_mav.mission import CMD_WAYPOINT, Mission, MissionItem
 from sim_bridge.vehicle import DEFAULT_HOME
 
@@ -192,40 +192,6 @@ def test_ardupilot_gets_its_home_in_item_0() -> None:
     assert held.items[1].command == plan.items[0].command
 
 
-def test_start_flies_and_a_mission_under_way_is_not_cleared() -> None:
-    with flying(speedup=10.0) as (url,), ground(url) as link:
-        upload(link, 1, mission())
-        start(link, 1)
-        with pytest.raises(MissionError, match="refused to clear its mission: denied"):
-            clear(link, 1)
-
-
-def test_start_without_a_mission_says_why() -> None:
-    with flying() as (url,), ground(url) as link:
-        with pytest.raises(MissionError, match='refused mode AUTO: denied: "mission mode refused: no mission"'):
-            start(link, 1)
-
-
-def test_start_of_an_ardupilot_goes_by_guided_and_tells_the_prearm_text() -> None:
-    commands: list[tuple[int, float, float]] = []
-
-    def answer(message: Any) -> list[Any]:
-        if message.get_type() != "COMMAND_LONG":
-            return []
-        commands.append((message.command, message.param1, message.param2))
-        if message.command == 400:
-            return [
-                M.MAVLink_command_ack_message(400, 4, 0, 0, 255, 190),
-                M.MAVLink_statustext_message(2, b"PreArm: GPS 1: Bad fix"),
-            ]
-        return [M.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
-
-    with ScriptedVehicle(answer, autopilot=3) as fake, ground(fake.url) as link:
-        with pytest.raises(MissionError, match='refused to arm: failed: "PreArm: GPS 1: Bad fix"'):
-            start(link, 1)
-    assert commands == [(224, 1.0, 1.0), (176, 1.0, 4.0), (400, 1.0, 0.0)]
-
-
 def test_two_stations_at_once_one_wins_and_the_mission_is_whole() -> None:
     plans = [mission(), mission([(0.0, 4.0), (8.0, 4.0), (8.0, 9.0)])]
     ends: list[object] = [None, None]
@@ -247,16 +213,3 @@ def test_two_stations_at_once_one_wins_and_the_mission_is_whole() -> None:
             held = download(link, 1).items
     assert any(first_difference(plan.items, held) is None for plan in plans)
     assert any(isinstance(end, Mission) for end in ends) or all(isinstance(e, MissionError) for e in ends)
-
-
-def test_an_ardupilot_that_accepts_the_start_and_stays_on_the_ground_is_found_out() -> None:
-    def answer(message: Any) -> list[Any]:
-        if message.get_type() != "COMMAND_LONG":
-            return []
-        return [M.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
-
-    told: list[str] = []
-    with ScriptedVehicle(answer, autopilot=3) as fake, ground(fake.url) as link:
-        with pytest.raises(MissionError, match="accepted the start of its mission but does not fly it"):
-            start(link, 1, 5.0, told.append)
-    assert "disarmed before its mission began" in told[0]

@@ -78,6 +78,30 @@ def test_a_wrong_number_is_ignored_and_the_old_mission_survives_a_timeout_said_i
         assert len(download(link, 1).items) == len(plan.items)
 
 
+def test_an_item_that_comes_too_late_is_an_error_and_the_upload_is_begun_again() -> None:
+    plan = mission(hold_s=1.0)
+    with vehicle(speedup=20.0) as link:
+        send, receive, late, acks = link.send, link.receive, [], []
+
+        def slow(message: Any) -> None:
+            if acks or message.get_type() != "MISSION_ITEM_INT" or message.seq != 3:
+                send(message)
+            else:
+                late.append(message)
+
+        def heard(timeout_s: float) -> Any:
+            frame = receive(timeout_s)
+            if frame is not None and frame.message.get_type() == "MISSION_ACK":
+                acks.append(frame.message.type)
+            elif frame is not None and frame.message.get_type() == "STATUSTEXT" and "timeout" in frame.message.text:
+                send(late[-1])
+            return frame
+
+        link.send, link.receive = slow, heard  # type: ignore[method-assign]
+        assert len(upload(link, 1, plan).items) == len(plan.items)
+        assert acks[:2] == [1, 0]
+
+
 def test_its_place_comes_back_exactly_and_its_frames_renamed() -> None:
     with vehicle() as link:
         held = upload(link, 1, mission(hold_s=1.0))
