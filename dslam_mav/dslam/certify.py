@@ -74,7 +74,7 @@ def too_few(flight: Flight, n_parameters: int, k_sources: int) -> str | None:
     need = 3 if k_sources > 1 else 2
     if flight.parametric is None and len(flight.legs) < need:
         return (
-            f"{count(len(flight.legs), 'leg')} {agree(len(flight.legs), 'was', 'were')} flown; "
+            f"{count(len(flight.legs), 'leg')} can be used; "
             f"{count(k_sources, 'source')} {agree(k_sources, 'needs', 'need')} at least {need}."
         )
     for j, leg in enumerate(flight.legs, start=1):

@@ -20,7 +20,7 @@ class TestVerdicts:
     def test_too_few_legs(self):
         result = estimate(Flight(random_case((1,), 2, 30.0).flight.legs[:2]), KNOWN, 2)
         assert result.verdict is Verdict.TOO_FEW_DATA
-        assert "2 legs were flown" in result.reason
+        assert "2 legs can be used" in result.reason
         assert result.sources.position_m.shape == (2, 2)
         assert np.isnan(result.sources.position_m).all()
 
