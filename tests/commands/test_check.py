@@ -19,7 +19,7 @@ def values(url: str, *words: object) -> dict[str, float]:
 @pytest.mark.parametrize(
     ("profile", "navigation", "named"),
     [("ardupilot", "flow", "EK3_SRC1_VELXY"), ("ardupilot", "odometry", "VISO_TYPE"), ("px4", "flow", "EKF2_OF_CTRL"),
-     ("px4", "odometry", "EKF2_EV_CTRL")],
+     ("px4", "flow", "COM_POS_FS_EPH"), ("px4", "odometry", "EKF2_EV_CTRL")],
 )  # fmt: skip
 def test_what_is_wrong_is_set_remembered_and_put_back(
     profile: str, navigation: str, named: str, tmp_path: Path
@@ -86,6 +86,14 @@ def test_only_its_owner_knows_a_real_vehicles_sensors() -> None:
     assert (old["GPS_TYPE"].ok, old["GPS_TYPE"].wanted) == (False, 0)
     more = {f.name: f for f in findings("px4", "vision", {"EKF2_EV_CTRL": 4.0})}
     assert more["EKF2_EV_CTRL"].wanted == 15.0, "bits that are set stay set"
+
+
+@pytest.mark.parametrize(("value", "ok"), [(5.0, False), (0.0, False), (50.0, True), (100.0, True), (-1.0, True)])
+def test_drift_of_optical_flow_must_not_end_a_mission(value: float, ok: bool) -> None:
+    found = {f.name: f for f in findings("px4", "flow", {"COM_POS_FS_EPH": value})}["COM_POS_FS_EPH"]
+    assert (found.ok, found.wanted) == (ok, value if ok else 50.0)
+    others = [f.name for way in ("odometry", "vision") for f in findings("px4", way, {})]
+    assert "COM_POS_FS_EPH" not in others
 
 
 def test_bad_files_and_vehicles_are_one_line(tmp_path: Path) -> None:
