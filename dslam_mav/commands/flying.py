@@ -211,7 +211,7 @@ def _watch(
             for update in updates[shown:]:
                 shown += 1
                 if update.estimate is not None and not update.final:
-                    screen.follow(under_way(update.estimate, update.legs_flown, len(legs.lengths_m)))
+                    screen.follow(under_way(update.estimate, update.newest, len(legs.lengths_m)))
             if reading.error is not None and not isinstance(reading.error, LinkError):
                 return
 
