@@ -21,6 +21,7 @@ Estimator = Callable[[Flight, tuple[FlownLeg, ...]], Estimate]
 
 
 NOT_CLOSED = "The legs used are not the whole path, so they are not taken to end where they began."
+NOT_FROM_HOME = "Places are metres east and north of where leg {} began, not of home: the legs before it are left out."
 
 
 def visible_plan(assumptions: Assumptions, mission: Mission) -> Mission | None:
@@ -69,12 +70,8 @@ def estimator(
         except ValueError as problem:
             raise BadInputError(f"assumptions: {problem}") from None
         if assumptions.closed and not closed:
-            result = replace(result, reason=f"{result.reason} {NOT_CLOSED}".lstrip())
-        if prior is None or mission is None:
-            return result
-        plan = leg_plan(mission)
-        start = legs[0].start_seq if legs else None
-        return _moved(result, plan.vertices_m[plan.sequence.index(start)]) if start in plan.sequence else result
+            result = _said(result, NOT_CLOSED)
+        return result if prior is None else _placed(result, mission, legs)
 
     return run
 
@@ -104,6 +101,20 @@ def _headings(
         start, end = missing[0]
         raise BadInputError(f"--heading plan: the flight from item {start} to {end} is no leg of the plan")
     return np.array([planned[pair] for pair in pairs])
+
+
+def _placed(result: Estimate, mission: Mission | None, legs: tuple[FlownLeg, ...]) -> Estimate:
+    """The answer where the plan has the legs' begin; without a plan at (0, 0), which is said where it is not home."""
+    plan = None if mission is None else leg_plan(mission)
+    start = legs[0].start_seq if legs else None
+    if plan is not None and start in plan.sequence:
+        return _moved(result, plan.vertices_m[plan.sequence.index(start)])
+    left_out = legs and legs[0].few and legs[0].number > 1
+    return _said(result, NOT_FROM_HOME.format(legs[0].number)) if left_out else result
+
+
+def _said(result: Estimate, more: str) -> Estimate:
+    return replace(result, reason=f"{result.reason} {more}".lstrip())
 
 
 def _moved(result: Estimate, origin_m: Array) -> Estimate:
