@@ -11,7 +11,7 @@ from flown import STAR, fly
 from numpy.typing import ArrayLike
 
 from dslam_mav import assumed
-from dslam_mav.assumed import estimator, visible_plan
+from dslam_mav.assumed import NOT_CLOSED, NOT_FROM_HOME, estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.outcome import truth_of
 from dslam_mav.legs import FlownLeg, LegCollector, flight_of, plan_facts
@@ -108,3 +108,26 @@ def test_the_plan_is_not_given_to_an_estimator_that_may_not_see_headings() -> No
     assert visible_plan(Assumptions(), mission()) is None
     assert visible_plan(Assumptions(heading="vehicle"), mission()) == mission()
     assert visible_plan(Assumptions(heading="plan"), mission()) == mission()
+
+
+def test_without_a_plan_it_is_said_that_places_are_not_from_home(
+    told: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = fly()
+    frames = [
+        f for f in flown.frames
+        if f.message.get_type() != "NAMED_VALUE_FLOAT" or flown.distance_m[f.message.time_boot_ms][0] != 1
+    ]  # fmt: skip
+    monkeypatch.setattr(LegCollector, "headings_rad", lambda _, legs: np.zeros(len(legs)))
+    compass = Assumptions(heading="vehicle", closed=True)
+    for heard, said in ((frames, f"{NOT_CLOSED} {NOT_FROM_HOME.format(3)}"), (flown.frames, "")):
+        collector = LegCollector()
+        collector.add_all(o for f in heard if (o := decode(f, 1)) is not None)
+        legs = collector.legs(final=True)
+        result = estimator(compass, collector, None)(flight_of(legs), legs)
+        assert result.reason == said
+    collector = collected(frames)
+    legs = collector.legs(final=True)
+    result = estimator(compass, collector, mission())(flight_of(legs), legs)
+    assert result.reason == NOT_CLOSED
+    assert result.path.vertices_m[0].tolist() == leg_plan(mission()).vertices_m[2].tolist()

@@ -17,7 +17,7 @@ from dslam_mav.files import check_output, write_whole
 from dslam_mav.mav.gps_denied import NAVIGATION, Finding, findings, names_wanted, nearest_way, other_names
 from dslam_mav.mav.mission.talk import Talk
 from dslam_mav.mav.params import Param, read_params, set_param
-from dslam_mav.records.words import count
+from dslam_mav.records.words import agree, count
 
 
 def run(options: Namespace) -> int:
@@ -94,14 +94,30 @@ def _fix(talk: Talk, wrong: list[Finding], held: dict[str, Param], saved: Path, 
 
 
 def _restore(talk: Talk, saved: Path, screen: Screen) -> int:
+    """1 where the vehicle refused some: those stay in the file."""
     before = _saved(saved, talk.system)
+    left: dict[str, Param] = {}
     for param in before.values():
-        set_param(talk, param)
-        screen.say(f"{param.name} is {param.value:g} again")
-    saved.unlink(missing_ok=True)
-    screen.say(f"{count(len(before), 'parameter')} put back, {saved} removed; reboot the vehicle")
-    screen.result({"system": talk.system, "restored": {p.name: p.value for p in before.values()}, "reboot": True})
-    return 0
+        try:
+            set_param(talk, param)
+        except DslamError as problem:
+            left[param.name] = param
+            screen.warn(str(problem))
+        else:
+            screen.say(f"{param.name} is {param.value:g} again")
+    restored = {p.name: p.value for p in before.values() if p.name not in left}
+    if left:
+        _save(saved, talk.system, left)
+        kept = f"{count(len(left), 'parameter')} could not be, and {agree(len(left), 'stays', 'stay')} in {saved}"
+    else:
+        saved.unlink(missing_ok=True)
+        kept = f"{saved} removed"
+    again = "; reboot the vehicle" if restored else ""
+    screen.say(f"{count(len(restored), 'parameter')} put back, {kept}{again}")
+    refused = {p.name: p.value for p in left.values()}
+    told = {"restored": restored, "refused": refused, "saved": str(saved) if left else None, "reboot": bool(restored)}
+    screen.result({"system": talk.system, **told})
+    return 1 if left else 0
 
 
 def _saved(path: Path, system: int | None = None) -> dict[str, Param]:

@@ -19,7 +19,7 @@ from dslam_mav.commands.folder import point_latest
 from dslam_mav.commands.launching import begin, complain, loopback
 from dslam_mav.commands.meeting import Met, met, suit
 from dslam_mav.commands.odometry import sender
-from dslam_mav.commands.outcome import Outcome, truth_of
+from dslam_mav.commands.outcome import Outcome, known_then, truth_of
 from dslam_mav.commands.readings import Readings, left_out
 from dslam_mav.commands.screen import Screen
 from dslam_mav.commands.summary import under_way
@@ -95,6 +95,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
         legs = leg_plan(held)
         reached_m = crew.bridge.sampler.reached_m if options.connect else {}  # our own vehicle flies as planned
         truth = truth_along(setup.readings, held, reached_m)
+        known = [(u.legs_flown, u.estimate) for u in crew.updates if u.estimate and not u.final]
         if truth is not None and reached_m:
             stopped = stopped or log_truth(recorder, truth)
         return Outcome(
@@ -108,7 +109,7 @@ def fly(setup: Setup, folder: Path, options: Namespace, screen: Screen) -> Outco
             assumptions=setup.assumptions,
             mission=held,
             prediction=prediction,
-            under_way=tuple((u.legs_flown, u.estimate) for u in crew.updates if u.estimate and not u.final),
+            under_way=known_then(known, flown),
         )
 
 
@@ -210,7 +211,7 @@ def _watch(
             for update in updates[shown:]:
                 shown += 1
                 if update.estimate is not None and not update.final:
-                    screen.follow(under_way(update.estimate, update.legs_flown, len(legs.lengths_m)))
+                    screen.follow(under_way(update.estimate, update.newest, len(legs.lengths_m)))
             if reading.error is not None and not isinstance(reading.error, LinkError):
                 return
 

@@ -11,7 +11,7 @@ from dslam_mav.assumed import estimator, visible_plan
 from dslam_mav.assumptions import Assumptions
 from dslam_mav.commands.assume import Recorded, assumptions_from, in_words, recorded_configuration, stood
 from dslam_mav.commands.attached import CONFIGURATION_ATTACHMENT, MISSION_ATTACHMENT, logged_mission
-from dslam_mav.commands.outcome import Outcome, truth_of
+from dslam_mav.commands.outcome import Outcome, known_then, truth_of
 from dslam_mav.commands.settings import with_settings
 from dslam_mav.errors import BadInputError
 from dslam_mav.log.reader import FlightLog, read_log
@@ -122,6 +122,7 @@ def outcome_of(logged: Logged) -> Outcome:
     }
     truth = truth_of(logged.truth, logged.mission, replayed.legs)
     then = None if logged.assumed_anew else logged.log
+    known = () if then is None else tuple((e.legs_flown, e.estimate) for e in then.estimates if not e.final)
     return Outcome(
         replayed.flight,
         None,
@@ -133,5 +134,5 @@ def outcome_of(logged: Logged) -> Outcome:
         assumptions=logged.assumptions,
         mission=logged.mission,
         prediction=None if then is None else then.prediction,
-        under_way=() if then is None else tuple((e.legs_flown, e.estimate) for e in then.estimates if not e.final),
+        under_way=known_then(known, replayed.legs),
     )

@@ -109,6 +109,6 @@ def _watch(worker: Background, updates: list[Update], n_legs: int, screen: Scree
             worker.join(0.1)
             for update in updates[shown:]:
                 shown += 1
-                advance("listening", update.legs_flown, n_legs, f"{update.legs_flown} of {count(n_legs, 'leg')} flown")
+                advance("listening", update.newest, n_legs, f"{update.newest} of {count(n_legs, 'leg')} flown")
                 if update.estimate is not None and not update.final:
-                    screen.follow(under_way(update.estimate, update.legs_flown, n_legs))
+                    screen.follow(under_way(update.estimate, update.newest, n_legs))

@@ -54,14 +54,24 @@ class Outcome:
 
 
 def truth_of(truth: Truth | None, mission: Mission | None, legs: Sequence[FlownLeg]) -> Truth | None:
-    """The truth of the legs used alone, so that it begins where the estimate does: truth's vertices are the plan's."""
-    if truth is None or mission is None or not legs:
+    """The truth of the legs used alone, so that it begins where the estimate does: truth's vertices are the plan's.
+
+    None where legs before them are left out and nobody knows the plan: errors would be of other legs.
+    """
+    if truth is None or not legs:
         return truth
-    place = {seq: j for j, seq in enumerate(leg_plan(mission).sequence)}
+    place = {} if mission is None else {seq: j for j, seq in enumerate(leg_plan(mission).sequence)}
     passed = [*(leg.start_seq for leg in legs), legs[-1].end_seq]
     if len(place) != len(truth.vertices_m) or not all(seq in place for seq in passed):
-        return truth
+        return None if legs[0].few and legs[0].number > 1 else truth
     return replace(truth, vertices_m=truth.vertices_m[[place[seq] for seq in passed]])
+
+
+def known_then(under_way: Sequence[tuple[int, Estimate]], legs: Sequence[FlownLeg]) -> tuple[tuple[int, Estimate], ...]:
+    """What was known under way of these legs; nothing where others were used until one without readings ended them."""
+    few = legs[0].few if legs else ()
+    before = sum(number < legs[0].number for number, _ in few)
+    return () if before and legs[0].number - 1 > before else tuple(under_way)
 
 
 def background_of(outcome: Outcome, estimate: Estimate) -> Background | None:

@@ -55,9 +55,9 @@ def summary(estimate: Estimate, truth: Truth | None, log: Path, report: Path | N
     return [f"{name:<{_NAME_WIDTH}}{text}" for name, text in lines]
 
 
-def under_way(estimate: Estimate, legs_flown: int, n_legs: int) -> str:
+def under_way(estimate: Estimate, leg: int, n_legs: int) -> str:
     """An estimate in the middle of a flight, in one line."""
-    begin = f"after leg {legs_flown} of {n_legs}:  {estimate.verdict.name:<16}"
+    begin = f"after leg {leg} of {n_legs}:  {estimate.verdict.name:<16}"
     if not has_positions(estimate):
         return f"{begin}  {estimate.reason}"
     widest = significant(float(estimate.sd_m.max()), 2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +32,28 @@ MISFIT_MILD = 0.014  # … and what a copter's drift along its legs alone leaves
 UNIDENTIFIED_SD_SPREADS = 2.0  # a position less sure than this is no position
 SAME_PLACE_SPREADS = 0.02
 WINDOW = 9.0  # alternatives: 2·Δ log-likelihood below this
+
+
+_OF_ONE = (  # name of a parameter, what it is of, in words, and again of the same
+    (r"heading of leg (\d+)", "leg", "the direction of {}", "its direction"),
+    (r"climb of leg (\d+)", "leg", "the climb of {}", "its climb"),
+    (r"length of leg (\d+)", "leg", "the length of {}", "its length"),
+    (r"corner (\d+) \w", "leg", "where {} begins", "where it begins"),
+    (r"source (\d+) \w", "source", "where {} lies", "where it lies"),
+    (r"ln amplitude (\d+)", "source", "the strength of {}", "its strength"),
+    (r"ln C (\d+)", "source", "the spread of {}", "its spread"),
+    (r"coefficient (\d+) \w", "coefficient", "{} of the path", "the same"),
+)
+_OF_ALL = {
+    "ln C": "the spread of the sources",
+    "ln diffusivity": "the diffusivity",
+    "extent": "the size of the sources when they were released",
+    "ambient": "the ambient level",
+    "ambient drift": "the drift of the ambient level",
+    "ln lag": "the lag of the sensor",
+    "turn": "the direction of the whole path",
+    **{f"shift {axis}": "where the whole path lies" for axis in "xyz"},
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +98,7 @@ def too_few(flight: Flight, n_parameters: int, k_sources: int) -> str | None:
     need = 3 if k_sources > 1 else 2
     if flight.parametric is None and len(flight.legs) < need:
         return (
-            f"{count(len(flight.legs), 'leg')} {agree(len(flight.legs), 'was', 'were')} flown; "
+            f"{count(len(flight.legs), 'leg')} can be used; "
             f"{count(k_sources, 'source')} {agree(k_sources, 'needs', 'need')} at least {need}."
         )
     for j, leg in enumerate(flight.legs, start=1):
@@ -156,12 +180,13 @@ def verdict(level: Noise, blocks: Array, spread: float, n_alternatives: int, con
     axis = np.sqrt(np.linalg.eigvalsh(blocks).max(axis=1))
     worst = int(np.argmax(axis))
     if not axis[worst] < UNIDENTIFIED_SD_SPREADS * spread:
-        far = "cannot be bounded" if axis[worst] > 1e3 * spread else f"is only known to ± {axis[worst]:.3g} m"
-        return (
-            Verdict.NOT_IDENTIFIABLE,
-            f"Source {worst + 1} {far}, over {UNIDENTIFIED_SD_SPREADS:g} spreads of {spread:.3g} m: "
-            "another leg that passes it in a new direction would help.",
+        twice = f"{UNIDENTIFIED_SD_SPREADS:g} times the spread of {spread:.3g} m"
+        far = (
+            f"The readings do not tell where source {worst + 1} lies"
+            if not axis[worst] <= 1e3 * spread
+            else f"Source {worst + 1} is known to ± {axis[worst]:.3g} m only, more than {twice}"
         )
+        return Verdict.NOT_IDENTIFIABLE, f"{far}: another leg that passes it in a new direction would help."
     if level.matters:
         return (
             Verdict.MODEL_MISFIT,
@@ -180,6 +205,28 @@ def unseen_in_words(info: Information, names: tuple[str, ...]) -> tuple[str, ...
     sentences = []
     for column in info.unseen.T:
         order = np.argsort(-np.abs(column))
-        parts = [names[i] for i in order[:4] if abs(column[i]) > 0.2]
-        sentences.append(" with ".join(parts))
+        sentences.append(in_plain_words([names[i] for i in order[:4] if abs(column[i]) > 0.2]))
     return tuple(sentences)
+
+
+def in_plain_words(names: Sequence[str]) -> str:
+    """Parameters as a pilot speaks of them: "the direction of leg 8, and where it begins"."""
+    parts: dict[str, str] = {}
+    before = ""
+    for name in names:
+        of, alone, again = _plain(name)
+        if alone not in parts:
+            parts[alone] = again if of and of == before else alone
+            before = of
+    *most, last = parts.values() or ("",)
+    return f"{', '.join(most)}, and {last}" if most else last
+
+
+def _plain(name: str) -> tuple[str, str, str]:
+    """The leg or source that a parameter is of, and the words for it, on its own and where the same was spoken of."""
+    for pattern, of, alone, again in _OF_ONE:
+        if found := re.fullmatch(pattern, name):
+            which = f"{of} {found[1]}"
+            return which, alone.format(which), again
+    words = _OF_ALL.get(name, name)
+    return "", words, words

@@ -1,7 +1,8 @@
 """What was collected on a flight -> the chain of its legs (pure).
 
 Readings of a hover or an overshoot on the leg's line stay; those beside it, where a corner is flown round, do not.
-The path is a chain: where a leg cannot be measured the chain breaks, and the part with most legs is the flight.
+The path is a chain: where a leg cannot be measured or was hardly read the chain breaks, and the part with most legs is
+the flight.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,15 @@ Array = NDArray[np.float64]
 
 MIN_READINGS = 8
 """A leg with fewer readings at either end of the flight says nothing and is left out."""
+
+LEAST_READINGS = 4
+LEAST_REACH = 1e-3  # of the leg's length
+"""A leg between others with fewer readings, or all of them nearer to each other, says nothing: no estimate is made with
+it.
+"""
+
+LEAST_LEGS = 2
+"""With fewer nothing can be estimated; a chain in which a leg that says nothing leaves fewer stays as it is."""
 
 MIN_LENGTH_SHARE = 0.02
 MIN_LENGTH_M = 0.1
@@ -55,7 +65,9 @@ class FlownLeg:
 
     It was flown on a line that passes `beside_m` from where it began, `end_beside_m` from where it ended, and up to
     `overshot_m` past its end. Times are the vehicle's, unwrapped; `zero_ms` is when the flight began: its first way
-    between two vertices of the plan, flown with the same clock, or without a plan its first leg; used or not.
+    between two vertices of the plan, flown with the same clock, or without a plan its first leg; used or not. It is leg
+    `number` of the plan, or without one of those flown; `few` are the legs of its chain left out because they have too
+    few readings: (number, readings).
     """
 
     start_seq: int
@@ -71,6 +83,8 @@ class FlownLeg:
     beside_m: float = 0.0
     end_beside_m: float = 0.0
     overshot_m: float = 0.0
+    number: int = 1
+    few: tuple[tuple[int, int], ...] = ()
 
 
 def assemble(
@@ -107,7 +121,7 @@ def assemble(
                      time_ms[inside][on_line], value[inside][on_line], placed.mode,
                      beside_m=placed.beside_m, end_beside_m=placed.end_beside_m, overshot_m=placed.overshot_m)
         )  # fmt: skip
-    legs = _choose(chains, ways, counts, planned=plan is not None)
+    legs = _choose(chains, ways, counts, plan)
     counts["readings used"] = sum(leg.value.size for leg in legs)
     counts["readings outside legs"] = int(value.size) - counts["readings used"]
     return legs, counts
@@ -175,18 +189,61 @@ def readings_of(samples: Samples) -> tuple[NDArray[np.int64], Array]:
 
 
 def _choose(
-    chains: list[list[FlownLeg]], ways: Sequence[tuple[Event, Event]], counts: Counter[str], *, planned: bool
+    chains: list[list[FlownLeg]], ways: Sequence[tuple[Event, Event]], counts: Counter[str], plan: PlanFacts | None
 ) -> tuple[FlownLeg, ...]:
     longest_m = max((leg.length_m for chain in chains for leg in chain), default=0.0)
     least_m = max(MIN_LENGTH_M, MIN_LENGTH_SHARE * longest_m)
     kept = [[leg for leg in chain if leg.length_m > least_m] for chain in chains]
     counts["legs short"] = sum(map(len, chains)) - sum(map(len, kept))
-    chain = max(kept, key=lambda legs: sum(leg.value.size >= MIN_READINGS for leg in legs))
-    enough = [j for j, leg in enumerate(chain) if leg.value.size >= MIN_READINGS]
-    if not enough:
+    chain, run = max(((chain, run) for chain in kept for run in _runs(chain)), key=lambda each: _worth(each[1]))
+    if not run:
         return ()
-    counts["legs with few readings"] = len(chain) - len(enough)
+    counts["legs with few readings"] = sum(leg.value.size < MIN_READINGS for leg in chain)
     boots = {start.time_ms: start.boot for start, _ in ways}  # a start's time is its own: clocks never fall
-    starts_ms = boots if planned else [leg.start_ms for legs in kept for leg in legs]
+    starts_ms = boots if plan is not None else [leg.start_ms for legs in kept for leg in legs]
     zero_ms = min(t for t in starts_ms if boots[t] == boots[chain[0].start_ms])
-    return tuple(replace(leg, zero_ms=zero_ms) for leg in chain[enough[0] : enough[-1] + 1])
+    numbers, few = _numbered(chain, run, plan)
+    return tuple(replace(leg, zero_ms=zero_ms, number=numbers[leg.start_ms], few=few) for leg in run)
+
+
+def _runs(chain: list[FlownLeg]) -> list[list[FlownLeg]]:
+    """Its unbroken runs of legs that say something; itself where none is long enough to estimate with."""
+    runs = [_trimmed(list(legs)) for says, legs in groupby(chain, key=_says) if says]
+    return runs if any(len(run) >= LEAST_LEGS for run in runs) else [_trimmed(chain)]
+
+
+def _says(leg: FlownLeg) -> bool:
+    """Whether an estimate can be made with it."""
+    return leg.value.size >= LEAST_READINGS and float(np.ptp(leg.distance_m)) >= LEAST_REACH * leg.length_m
+
+
+def _trimmed(legs: list[FlownLeg]) -> list[FlownLeg]:
+    """From the first leg with enough readings to the last."""
+    enough = [j for j, leg in enumerate(legs) if leg.value.size >= MIN_READINGS]
+    return legs[enough[0] : enough[-1] + 1] if enough else []
+
+
+def _worth(run: list[FlownLeg]) -> tuple[bool, int]:
+    """Whether it can be estimated with, and how many of its legs were read well."""
+    usable = len(run) >= LEAST_LEGS and all(map(_says, run))
+    return usable, sum(leg.value.size >= MIN_READINGS for leg in run)
+
+
+def _numbered(
+    chain: list[FlownLeg], run: list[FlownLeg], plan: PlanFacts | None
+) -> tuple[dict[int, int], tuple[tuple[int, int], ...]]:
+    """The number of every leg of a chain by its start, and those left out for want of readings: (number, readings).
+
+    Without a plan what was flown before the first reading and after the last is no part of the path.
+    """
+    flown = chain if plan is not None else _trimmed(chain)
+    numbers = {
+        leg.start_ms: j if plan is None else plan.vertices.index(leg.start_seq) + 1 for j, leg in enumerate(flown, 1)
+    }
+    used = {leg.start_ms for leg in run}
+    few = ((numbers[leg.start_ms], leg.value.size) for leg in flown if leg.start_ms not in used and not _enough(leg))
+    return numbers, tuple(few)
+
+
+def _enough(leg: FlownLeg) -> bool:
+    return _says(leg) and leg.value.size >= MIN_READINGS

@@ -274,7 +274,7 @@ def _one_by_one(series: ReadingSeries) -> Iterator[tuple[int, Observation]]:
 def flight_of(legs: tuple[FlownLeg, ...]) -> Flight:
     """The flight of these legs, its time zero where the mission's first began, used or not (`FlownLeg.zero_ms`).
 
-    A leg between others stays without readings.
+    A leg between others stays without readings where those beside it are too few for an estimate.
     """
     besides_m = [leg.beside_m for leg in legs]
     if legs:

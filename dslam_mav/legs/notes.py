@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from dslam_mav.legs.assembly import FlownLeg
+from dslam_mav.legs.assembly import MIN_READINGS, FlownLeg
 from dslam_mav.legs.plan import PlanFacts
 from dslam_mav.records.words import agree, count
 
@@ -27,12 +27,7 @@ def notes(
         lines.append(f"the autopilot's clock started again {count(n, 'time')}; the longest unbroken part is used")
     if not heard:
         lines.append("no readings were heard: is the bridge or the sensor running?")
-    if missed := _missed(legs, plan):
-        gone = agree(missed, "leg 1 of the mission is", f"legs 1 to {missed} of the mission are")
-        lines.append(f"{gone} missing: leg 1 here is its leg {missed + 1}")
-    if left := _left(legs, plan):
-        gone = agree(left, "the last leg of the mission is", f"the last {left} legs of the mission are")
-        lines.append(f"{gone} missing: {count(len(legs), 'leg')} {agree(len(legs), 'is', 'are')} used")
+    lines += _left_out(legs, plan)
     for j, leg in enumerate(legs, 1):
         if leg.value.size == 0:
             lines.append(f"leg {j} of {len(legs)} has no readings")
@@ -41,6 +36,39 @@ def notes(
     if n := legs_counts["legs lost"]:
         lines.append(f"{count(n, 'leg')} could not be told apart or measured; the longest unbroken part is used")
     return tuple(lines)
+
+
+def _left_out(legs: tuple[FlownLeg, ...], plan: PlanFacts | None) -> list[str]:
+    """One line each on legs left out for want of readings, and on those of the mission that were not seen at all."""
+    few = legs[0].few if legs else ()
+    lines = [_few(legs, few, plan)] if few else []
+    before = any(number < legs[0].number for number, _ in few)
+    if not before and (missed := _missed(legs, plan)):
+        gone = agree(missed, "leg 1 of the mission is", f"legs 1 to {missed} of the mission are")
+        lines.append(f"{gone} missing: leg 1 here is its leg {missed + 1}")
+    behind = any(number > legs[-1].number for number, _ in few)
+    if not behind and (left := _left(legs, plan)):
+        gone = agree(left, "the last leg of the mission is", f"the last {left} legs of the mission are")
+        lines.append(f"{gone} missing: {count(len(legs), 'leg')} {agree(len(legs), 'is', 'are')} used")
+    return lines
+
+
+def _few(legs: tuple[FlownLeg, ...], few: tuple[tuple[int, int], ...], plan: PlanFacts | None) -> str:
+    """Which legs have too few readings, and which are used."""
+    n, (first, last) = len(few), (legs[0].number, legs[-1].number)
+    which, how_many = (_listed([row[k] for row in few]) for k in (0, 1))
+    of = "" if plan is None else " of the mission"
+    readings = agree(few[-1][1], "reading", "readings")
+    if any(number >= MIN_READINGS for _, number in few):
+        readings += " at one place"
+    used = agree(len(legs), f"leg {first} is used", f"legs {first} to {last} are used")
+    here = f", leg 1 here is {'leg' if plan is None else 'its leg'} {first}" if first > 1 else ""
+    return f"{agree(n, 'leg', 'legs')} {which}{of} {agree(n, 'has', 'have')} {how_many} {readings}: {used}{here}"
+
+
+def _listed(numbers: list[int]) -> str:
+    *most, last = map(str, numbers)
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _missed(legs: tuple[FlownLeg, ...], plan: PlanFacts | None) -> int:

@@ -14,9 +14,16 @@ SIMULATED = "SIM_FLOW_ENABLE"
 """ArduPilot has this parameter in its simulator only."""
 
 
+FLOW_ERROR_M = 50.0
+"""By optical flow the error that PX4 expects of its position grows as long as it flies: above 2.5 times this one its
+failsafe ends the mission. 5 m, as shipped, drift may reach.
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """One parameter. `others`: names it has in other versions. `bits`: these bits must be set, others may be.
+    """One parameter. `others`: names it has in other versions. `bits`: these bits must be set, others may be. `limit`:
+    a larger value will do as well, and so will a negative one, which is no limit.
 
     `sensor`: on a real vehicle anything but 0, only its owner knows which sensor it has; `value` is the simulator's.
     `simulator`: it is there in a simulator only.
@@ -30,6 +37,7 @@ class Wanted:
     sensor: bool = False
     simulator: bool = False
     bits: bool = False
+    limit: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +83,11 @@ NAVIGATION: dict[tuple[str, str], tuple[Wanted, ...]] = {
     ),
     ("ardupilot", "odometry"): (_NO_GPS, _EXTERNAL, *_sources(6, 6, 6, 6, 6)),
     ("ardupilot", "vision"): (_NO_GPS, _EXTERNAL, *_sources(6, 0, 6, 0, 1)),
-    ("px4", "flow"): (*_PX4, Wanted("EKF2_OF_CTRL", 1, "fuses optical flow", ("EKF2_OF0_CTRL",))),
+    ("px4", "flow"): (
+        *_PX4,
+        Wanted("EKF2_OF_CTRL", 1, "fuses optical flow", ("EKF2_OF0_CTRL",)),
+        Wanted("COM_POS_FS_EPH", FLOW_ERROR_M, "position error in m that ends a mission: flow drifts", limit=True),
+    ),
     ("px4", "odometry"): (
         *_PX4,
         Wanted("EKF2_EV_CTRL", 15, "fuses external position, height, velocity and heading", bits=True),
@@ -119,6 +131,8 @@ def _finding(wanted: Wanted, held: Mapping[str, float], simulated: bool) -> Find
     target: float | None = wanted.value
     if wanted.bits and value is not None:
         target = float(int(value) | int(wanted.value))
+    if wanted.limit and value is not None and (value < 0.0 or value >= wanted.value):
+        target = value
     if wanted.sensor and not simulated:
         target = value if value else None
     ok = value is not None and target is not None and same_value(value, target)

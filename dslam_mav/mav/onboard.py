@@ -38,10 +38,11 @@ MIN_LEGS = 3
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
     """News of the flight: a leg more, or an estimate (of `legs_flown` legs, which may be fewer than flown by
-    now).
+    now). `newest`: the number of the last of them in the mission, more than `legs_flown` where some were left out.
     """
 
     legs_flown: int
+    newest: int
     estimate: Estimate | None = None
     final: bool = False
 
@@ -95,7 +96,7 @@ class Onboard:
         self._odometry = odometry
         self._streams: StreamRequests | None = None
         self._beat_s = -1e9
-        self._legs_flown = 0
+        self._ended_ms = -1
         self._progress: Progress | None = None
         self._results = results.Results()
 
@@ -185,10 +186,10 @@ class Onboard:
         self._record(frame.received_ns, observation)
         if self.collector.add(observation):
             legs = self.collector.legs()
-            if len(legs) > self._legs_flown:
-                self._legs_flown = len(legs)
-                self._on_update(Update(self._legs_flown))
-                if self._legs_flown >= MIN_LEGS:
+            if legs and legs[-1].end_ms > self._ended_ms:  # not by their number: a leg without readings ends a chain
+                self._ended_ms = legs[-1].end_ms
+                self._on_update(Update(len(legs), legs[-1].number))
+                if len(legs) >= MIN_LEGS:
                     self._waiting = legs  # those still waiting are out of date
 
     def _record(self, received_ns: int, observation: Observation) -> None:
@@ -243,7 +244,6 @@ class Onboard:
                 self._link.receive(0.05)
             except LinkError:
                 break
-        self._legs_flown = len(legs)
         self._publish(begun, final=True)
 
     def _publish(self, begun: _Begun, *, final: bool) -> None:
@@ -258,7 +258,7 @@ class Onboard:
                 self._link.send(message)
         except LinkError as error:
             self._say(logging.WARNING, f"results not sent: {error}")
-        self._on_update(Update(legs_flown, estimate, final))
+        self._on_update(Update(legs_flown, begun.legs[-1].number, estimate, final))
 
     def _say(self, level: int, text: str) -> None:
         self._recorder.text(time.time_ns(), level, text)

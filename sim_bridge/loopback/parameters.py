@@ -45,7 +45,7 @@ _FED: dict[tuple[str, str], dict[str, float]] = {
         "EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 6, "EK3_SRC1_POSZ": 6, "EK3_SRC1_VELZ": 6, "EK3_SRC1_YAW": 6,
         "GPS1_TYPE": 0, "VISO_TYPE": 1,
     },
-    ("px4", "flow"): {"EKF2_GPS_CTRL": 0, "EKF2_OF_CTRL": 1},
+    ("px4", "flow"): {"COM_POS_FS_EPH": 50.0, "EKF2_GPS_CTRL": 0, "EKF2_OF_CTRL": 1},
     ("px4", "odometry"): {"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15},
 }  # fmt: skip
 

@@ -28,7 +28,7 @@ def test_more_sources_than_the_legs_can_carry(tmp_path: Path) -> None:
     done = flight(scene, tmp_path, "--sources", 8)
     assert done.code == 1
     assert done.object["verdict"] == "TOO_FEW_DATA"
-    assert "2 legs were flown; 8 sources need at least 3" in done.line()
+    assert "2 legs can be used; 8 sources need at least 3" in done.line()
     assert (
         done.object["sources"]
         == [{"position_m": [None, None], "amplitude": None, "peak_reading": None, "activation_s": None, "sd_m": None}]
@@ -44,7 +44,7 @@ def test_without_json_the_verdict_is_shown_and_the_reason_told_once(tmp_path: Pa
     done = run("fly", "--scene", scene, "--out", tmp_path / "logs", "--speedup", 60, "--sources", 8)
     assert done.code == 1
     assert "TOO_FEW_DATA: Too few legs or readings" in done.out
-    assert (done.out + done.err).count("2 legs were flown") == 1
+    assert (done.out + done.err).count("2 legs can be used") == 1
     assert done.line().startswith("dslam-mav: no position can be given: 2 legs")
     assert str(the_log(tmp_path / "logs")) in done.out
 
@@ -89,10 +89,21 @@ def test_some_readings_that_are_no_number_are_told_and_left_out(tmp_path: Path) 
     assert len(done.object["sources"]) == 2
 
 
-@pytest.mark.parametrize("leg", [1, 2])
-def test_a_leg_without_readings(tmp_path: Path, leg: int) -> None:
+@pytest.mark.parametrize(
+    ("legs", "said", "why"),
+    [
+        (
+            (1,),
+            ["leg 2 has 0 readings: legs 3 to 4 are used, leg 1 here is leg 3"],
+            "2 legs can be used; 2 sources need",
+        ),
+        ((2,), ["leg 3 has 0 readings: legs 1 to 2 are used"], "2 legs can be used; 2 sources need at least 3"),
+        ((1, 2), ["leg 2 of 4 has no readings", "leg 3 of 4 has no readings"], "Leg 2 has 0 readings"),
+    ],
+)
+def test_legs_without_readings(tmp_path: Path, legs: tuple[int, ...], said: list[str], why: str) -> None:
     flight_flown = frames_of.fly(value=value_at)
-    gone = {ms for ms, (j, _) in flight_flown.distance_m.items() if j == leg}
+    gone = {ms for ms, (j, _) in flight_flown.distance_m.items() if j in legs}
 
     def keep(frame: Frame) -> bool:
         return frame.message.get_type() != "NAMED_VALUE_FLOAT" or frame.message.time_boot_ms not in gone
@@ -102,8 +113,8 @@ def test_a_leg_without_readings(tmp_path: Path, leg: int) -> None:
     assert done.code == 1
     assert "TOO_FEW_DATA" in done.out
     *warnings, last = done.err.splitlines()
-    assert warnings == [f"warning: leg {leg + 1} of 4 has no readings"]
-    assert last.startswith(f"dslam-mav: no position can be given: Leg {leg + 1} has 0 readings")
+    assert warnings == [f"warning: {line}" for line in said]
+    assert last.startswith(f"dslam-mav: no position can be given: {why}")
 
 
 def test_a_log_without_any_reading(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from changed import changed, changed_readings
 from random_scenes import random_case
 
 from dslam_mav import Flight, Leg, Medium, Verdict, estimate
+from dslam_mav.dslam import certify
 from missions.patterns import from_turns
 
 KNOWN = Medium(spread_m=1.0, static=True)
@@ -20,7 +21,7 @@ class TestVerdicts:
     def test_too_few_legs(self):
         result = estimate(Flight(random_case((1,), 2, 30.0).flight.legs[:2]), KNOWN, 2)
         assert result.verdict is Verdict.TOO_FEW_DATA
-        assert "2 legs were flown" in result.reason
+        assert "2 legs can be used" in result.reason
         assert result.sources.position_m.shape == (2, 2)
         assert np.isnan(result.sources.position_m).all()
 
@@ -50,6 +51,9 @@ class TestVerdicts:
         assert np.isnan(result.sources.position_m).all()
         assert np.isfinite(result.residual).all()
         assert result.unseen_directions
+        assert "source 1" in result.reason
+        assert not any(word in result.reason for word in ("bounded", "spreads of"))
+        assert all("with" not in words and "ln " not in words for words in result.unseen_directions)
 
     def test_a_march_out_of_the_area(self):
         zigzag = from_turns(np.full(7, 3.2), np.array([1, -1, 1, -1, 1, -1]) * 0.5 * np.pi)
@@ -108,3 +112,46 @@ class TestVerdicts:
             result = estimate(changed(case.flight, change), medium, 2)
             assert result.reason
             assert result.residual.shape == (448,)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["heading of leg 8", "corner 8 x", "corner 8 y"], "the direction of leg 8, and where it begins"),
+        (["corner 3 y", "heading of leg 3", "length of leg 3"], "where leg 3 begins, its direction, and its length"),
+        (["source 2 x", "ln amplitude 2", "source 2 y", "ln C 2"], "where source 2 lies, its strength, and its spread"),
+        (["ln amplitude 1", "heading of leg 2"], "the strength of source 1, and the direction of leg 2"),
+        (["ln C"], "the spread of the sources"),
+        (["coefficient 1 x", "coefficient 2 x", "turn"],
+         "coefficient 1 of the path, coefficient 2 of the path, and the direction of the whole path"),
+        ([], ""),
+    ],
+)  # fmt: skip
+def test_what_is_unseen_is_said_in_plain_words(names: list[str], words: str):
+    assert certify.in_plain_words(names) == words
+
+
+def test_every_parameter_has_words():
+    flight = random_case((1,), 2, 30.0).flight
+    result = estimate(flight, Medium(static=False), 2)
+    for name in result.parameter_names:
+        assert certify.in_plain_words([name]).startswith(("the ", "where ")), name
+
+
+@pytest.mark.parametrize(
+    ("sd_m", "reason"),
+    [
+        (5.2, "Source 2 is known to ± 5.2 m only, more than 2 times the spread of 1.34 m: another leg that passes it"),
+        (
+            1e6,
+            "The readings do not tell where source 2 lies: another leg that passes it in a new direction would help.",
+        ),
+        (np.inf, "The readings do not tell where source 2 lies: another leg"),
+    ],
+)
+def test_a_source_that_is_not_placed_is_said_in_plain_words(sd_m: float, reason: str):
+    blocks = np.stack([np.eye(2), np.diag([sd_m**2, 1.0])])
+    level = certify.Noise(1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+    verdict, why = certify.verdict(level, blocks, 1.34, 0, converged=True)
+    assert verdict is Verdict.NOT_IDENTIFIABLE
+    assert why.startswith(reason)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -9,7 +10,7 @@ import numpy as np
 from aboard import PLAN, Vehicle, cut_short, run, stand_in
 from flown import fly, heartbeat
 
-from dslam_mav.legs import FlownLeg
+from dslam_mav.legs import FlownLeg, PlanFacts
 from dslam_mav.mav.frames import messages, parse_frame
 from dslam_mav.records import Estimate, Flight
 from dslam_mav.replay import flight_from_frames
@@ -48,6 +49,22 @@ def test_estimates_come_after_every_leg_from_the_third_on(vehicle: Vehicle):
     vehicle.send = send
     _, log, _, _ = run(vehicle, frames)
     assert [(n, final) for _, n, final in log.estimates] == [(3, False), (4, True)]
+
+
+def test_a_leg_without_readings_ends_the_legs_before_it_and_the_next_ones_count(vehicle: Vehicle):
+    flown = fly([(20.0 * math.cos(k * 2.7), 20.0 * math.sin(k * 2.7)) for k in range(8)])
+    silent = {t for t, (leg, _) in flown.distance_m.items() if leg == 1}
+    frames = [
+        f for f in flown.frames if f.message.get_type() != "NAMED_VALUE_FLOAT" or f.message.time_boot_ms not in silent
+    ]
+    plan = PlanFacts(tuple(range(1, 9)), tuple(flown.lengths_m))
+    onboard, log, updates, raised = run(vehicle, frames, plan=plan)
+    assert raised is None
+    told = [(u.legs_flown, u.newest) for u in updates if u.estimate is None]
+    assert told[-3:] == [(2, 4), (3, 5), (4, 6)]
+    assert (updates[-1].legs_flown, updates[-1].newest, updates[-1].final) == (5, 7, True)
+    assert log.estimates[-1] == (onboard.result, 5, True)
+    assert "leg 2 of the mission has 0 readings: legs 3 to 7 are used, leg 1 here is its leg 3" in log.texts
 
 
 def test_results_and_heartbeats_come_back_from_component_191(vehicle: Vehicle):
