@@ -148,7 +148,9 @@ def reduced(prob: Problem, narrowest_spread: float) -> Problem:
 
 def _spread_out(distance: Array) -> bool:
     """Whether readings cover a leg evenly enough for a polynomial through it to be held everywhere."""
-    gaps = np.diff(np.sort(distance))
+    gaps = np.diff(distance)
+    if gaps.min() < 0.0:
+        gaps = np.diff(np.sort(distance))
     return bool(gaps.max() < GAP * float(np.ptp(distance)))
 
 
