@@ -7,7 +7,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,8 +53,8 @@ def main() -> None:
     _beside_scipy()
 
 
-def _cases(k: int, readings: int, count: int) -> list[Case]:
-    return [random_case((50_000 + i, k), k, 30.0, vertices=STAR, readings_per_leg=readings) for i in range(count)]
+def _cases(k: int, readings: int, count: int) -> Iterator[Case]:
+    return (random_case((50_000 + i, k), k, 30.0, vertices=STAR, readings_per_leg=readings) for i in range(count))
 
 
 def _seconds(run: Callable[[], Estimate]) -> float:
