@@ -24,7 +24,7 @@ from dslam_mav.records import Flight, Leg
 
 Array = NDArray[np.float64]
 
-MOST_FOR_SEARCH = 256  # readings of a leg that the search looks at
+MOST_FOR_SEARCH = 512  # readings of a leg that the search looks at
 WORTH_IT = 3  # a leg with fewer than this many readings a node is left as it is
 BLOCK = 8192  # readings taken at once
 ROUNDING = 1e-9
@@ -37,7 +37,7 @@ STEADY = (
 
 
 def binned(prob: Problem, *, by_time: bool = False) -> Problem:
-    """For the search: every leg's readings averaged in equal numbers of neighbours, at most 256 of them a leg."""
+    """For the search: every leg's readings averaged in equal numbers of neighbours, at most 512 of them a leg."""
     along = prob.t if by_time else prob.s
     counts = np.bincount(prob.leg, minlength=prob.n_legs)
     if prob.basis is not None or prob.mix is not None or counts.max() <= MOST_FOR_SEARCH:
