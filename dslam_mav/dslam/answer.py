@@ -13,10 +13,10 @@ from dslam_mav.dslam.certify import Noise
 from dslam_mav.dslam.fit import Fit
 from dslam_mav.dslam.gauge import Placed, frame_covariance, in_order, placed
 from dslam_mav.dslam.joint import evaluate, model_of
-from dslam_mav.dslam.priors import without_scale
 from dslam_mav.dslam.problem import Problem, problem, steadied
 from dslam_mav.dslam.profile import second_moment
 from dslam_mav.dslam.shape import misshapen, moved_by_shape
+from dslam_mav.dslam.sides import without_scale
 from dslam_mav.dslam.state import Layout, State, layout, parameter_names
 from dslam_mav.dslam.units import Units, in_si, normalised, parameter_units
 from dslam_mav.records import Estimate, Flight, Medium, Path, Sources, Verdict

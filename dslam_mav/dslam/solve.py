@@ -13,11 +13,12 @@ from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.media import apart
-from dslam_mav.dslam.priors import USUAL_LAG, both_sides, bounded, constrained, eased, lone_starts
+from dslam_mav.dslam.priors import USUAL_LAG, bounded, constrained, eased
 from dslam_mav.dslam.problem import Known, Problem, alike
 from dslam_mav.dslam.race import raced
 from dslam_mav.dslam.reduce import binned, reduced
 from dslam_mav.dslam.resume import backwards, fits_the_flight, regrown, resumed, turned_round
+from dslam_mav.dslam.sides import both_sides, lone_starts
 from dslam_mav.dslam.starts import Starts, warm_starts
 from dslam_mav.dslam.state import State, layout, loose_corners
 from dslam_mav.dslam.task import Patience, Task
