@@ -11,6 +11,7 @@ from dslam_mav.dslam.certify import Noise
 from dslam_mav.dslam.fit import Fit
 from dslam_mav.dslam.priors import Priors
 from dslam_mav.dslam.problem import Problem
+from dslam_mav.dslam.starts import Starts
 from dslam_mav.dslam.state import layout
 from dslam_mav.dslam.units import Units
 
@@ -30,6 +31,7 @@ class Answers:
     unit: Units
     priors: Priors
     loose: float
+    begun: Starts | None = None
 
     @property
     def diagnostics(self) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from dslam_mav.dslam.doubt import doubted
 from dslam_mav.dslam.priors import Priors
 from dslam_mav.dslam.problem import problem, steadied
 from dslam_mav.dslam.solve import solve
+from dslam_mav.dslam.starts import Starts
 from dslam_mav.dslam.state import layout
 from dslam_mav.dslam.task import Patience, Task
 from dslam_mav.dslam.units import normalised, units_of
@@ -31,9 +32,11 @@ class Question:
     seed: int
 
 
-def answered(question: Question, k_sources: int, patience: Patience = Patience.ALL) -> Answers | Estimate:
+def answered(
+    question: Question, k_sources: int, patience: Patience = Patience.ALL, begun: Starts | None = None
+) -> Answers | Estimate:
     """The fits for a given number of sources, or the estimate that has none, with so much `patience` where they do not
-    fit. Both say in `diagnostics` what is left of the readings.
+    fit; `begun`: what the search found, where it has been made. Both say in `diagnostics` what is left of the readings.
     """
     flight, medium = question.flight, question.medium
     tau = medium.activation_s
@@ -49,14 +52,20 @@ def answered(question: Question, k_sources: int, patience: Patience = Patience.A
     if reason is not None:
         return nothing(flight, medium, k_sources, Verdict.NOT_IDENTIFIABLE, reason)
     unit = units_of(raw)
-    task = Task(
-        normalised(raw, unit), k_sources, question.priors, unit, medium.extent is None, question.start, patience
-    )
+    prob, shaped = normalised(raw, unit), medium.extent is None
+    task = Task(prob, k_sources, question.priors, unit, shaped, question.start, patience, begun=begun)
     solved = solve(task, np.random.default_rng(question.seed))
     if solved is None:
         return nothing(flight, medium, k_sources, Verdict.NOT_CONVERGED, "The search found no start.")
     return Answers(
-        solved.problem, solved.fits, solved.level, solved.freedom_inside, unit, question.priors, solved.loose
+        problem=solved.problem,
+        fits=solved.fits,
+        level=solved.level,
+        freedom_inside=solved.freedom_inside,
+        unit=unit,
+        priors=question.priors,
+        loose=solved.loose,
+        begun=solved.begun,
     )
 
 

@@ -41,8 +41,10 @@ def counted(question: Question, max_sources: int) -> Found:
             best, k_best, mended = more, k_sources, False
         elif _white(best) or _mendable(best):
             break
-    done = mended or (_white(best) and question.priors.corner_sd_m is None)
-    return best if done else answered(question, k_best)
+    if mended or (_white(best) and question.priors.corner_sd_m is None):
+        return best
+    again = best.begun if isinstance(best, Answers) and k_best > 1 else None  # one source is fitted from random starts
+    return answered(question, k_best, begun=again)
 
 
 def _white(found: Found) -> bool:

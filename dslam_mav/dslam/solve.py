@@ -44,7 +44,7 @@ OTHERWISE = (1.0 / 0.3, 1.0 / 3.0)  # … and then in the one that needed least,
 class Solution:
     """The problem with all that is known of it, its distinct fits, best first, and the residuals' level.
 
-    `ends`: where all fits ended that were not far behind; `loose`: as the task had it.
+    `ends`: where all fits ended that were not far behind; `loose`: as the task had it; `begun`: what the search found.
     """
 
     problem: Problem
@@ -53,6 +53,7 @@ class Solution:
     freedom_inside: int
     ends: tuple[State, ...]
     loose: float
+    begun: Starts | None = None
 
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
@@ -70,7 +71,7 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
             settled = warm is not None and warm.fits[0].converged and not warm.level.misfit
             if warm is not None and settled and _led_on(seen, known, warm.fits[0].state):
                 return warm
-    begun = begin(task.problem, coarse, task.k_sources, rng)
+    first = begun = task.begun or begin(task.problem, coarse, task.k_sources, rng)
     solved = _solved(task, begun, coarse, rng)
     if solved is not None and task.problem.drift is None:
         coarse = replace(coarse, y=coarse.y - solved.fits[0].state.drift * coarse.t)
@@ -88,7 +89,7 @@ def solve(task: Task, rng: np.random.Generator) -> Solution | None:
         states += tuple(replace(state, extent=begun.states[0].extent) for state in more.states)
         again = _solved(task, replace(begun, states=states), coarse, rng)
         solved = again if again is not None and again.fits[0].converged >= solved.fits[0].converged else solved
-    return solved
+    return None if solved is None else replace(solved, begun=first)
 
 
 def _slack(task: Task) -> float:

@@ -7,6 +7,7 @@ from enum import Enum
 
 from dslam_mav.dslam.priors import Priors
 from dslam_mav.dslam.problem import Problem
+from dslam_mav.dslam.starts import Starts
 from dslam_mav.dslam.units import Units
 from dslam_mav.records import Estimate
 
@@ -24,7 +25,8 @@ class Task:
     """A problem in units of its own, how many sources to find, what is known besides, and where to begin.
 
     What an answer that leaves more than noise is tried with is `patience`; `loose`, legs may begin beside the corners:
-    past them above 0, before them below, and so many times as far off as is usual.
+    past them above 0, before them below, and so many times as far off as is usual. `begun`: what the search found, if
+    it was made before.
     """
 
     problem: Problem
@@ -35,3 +37,4 @@ class Task:
     start: Estimate | None = None
     patience: Patience = Patience.ALL
     loose: float = 0.0
+    begun: Starts | None = None
