@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 
 ORDERS = 4
 DECAY = 0.6
-# Real misfits are smoother than random weights: more of them is seen. With this share of the variance 87 to 100 % of the
-# recorded spots' sources lie in the ellipses of the answer nearest to them, at half-axes 1.7 to 3.1 times the RMS error.
+# Real misfits are smoother than random weights: more of them is seen. With this share of the variance 87 to 100 % of
+# the recorded spots' sources lie in the ellipses of the answer nearest to them, whose half-axes are 1.7 to 3.1 times
+# the RMS error.
 SHARE = 0.15
 
 
