@@ -14,7 +14,7 @@ from dslam_mav.mav.profile import GENERIC, Profile, profile_of
 HEARTBEAT_S = 1.0
 SILENCE_S = 5.0  # autopilots send a HEARTBEAT every second
 COMMAND_TIMEOUT_S = 1.5
-COMMAND_RETRIES = 5
+COMMAND_RETRIES = 7
 _TEXT_WAIT_S = 0.3
 _WARNING = 4
 
@@ -36,8 +36,9 @@ class Talk:
     """One vehicle on a link, for as long as something is asked of it.
 
     `text` is the last STATUSTEXT of a warning or worse, "" if none; `armed` whether any HEARTBEAT said so, `state` what
-    the last one said: (armed, custom_mode), `beats` how many there were; `param_error` is the name of the parameter the
-    vehicle last said it has not; `doing` names what is under way, for the message should the vehicle disappear.
+    the last one said: (armed, custom_mode), `beats` how many there were; `under_way` whether a MISSION_CURRENT said
+    that the mission is flown, since it was last set to False; `param_error` is the name of the parameter the vehicle
+    last said it has not; `doing` names what is under way, for the message should the vehicle disappear.
     """
 
     def __init__(self, link: Port, vehicle_system: int) -> None:
@@ -47,6 +48,7 @@ class Talk:
         self.armed = False
         self.state = (False, 0)
         self.beats = 0
+        self.under_way = False
         self.param_error = ""
         self.doing = ""
         self.heard = False
@@ -149,6 +151,8 @@ class Talk:
             self.armed = self.armed or armed
             self.state = (armed, int(message.custom_mode))
             self.beats += 1
+        elif kind == "MISSION_CURRENT":
+            self.under_way = self.under_way or message.mission_state == messages().MISSION_STATE_ACTIVE
         elif kind == "PARAM_ERROR":
             self.param_error = message.param_id
 

@@ -151,10 +151,10 @@ def _read(talk: Talk) -> tuple[MissionItem, ...]:
         end = _run(talk, begin_download(time.monotonic()), step_download, None)
         if end.phase is Phase.DONE:
             return end.items
-        if end.phase is Phase.REFUSED:
+        if end.phase is Phase.REFUSED and not (end.result in _GAVE_UP and left):  # a straggler of the upload before
             reason = result_in_words(end.result) + talk.last_words()
             raise MissionError(f"vehicle {talk.system} refused to give its mission: {reason}")
-        if end.seq < 0 or not left:
+        if end.phase is Phase.SILENT and (end.seq < 0 or not left):
             break
     raise LinkError(_silence(talk, end, "download"))
 

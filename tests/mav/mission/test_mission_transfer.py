@@ -163,6 +163,26 @@ def test_a_vehicle_that_keeps_half_of_it_is_found_out_by_reading_back() -> None:
             upload(link, 1, mission())
 
 
+@pytest.mark.parametrize(("stragglers", "reads"), [(1, True), (9, False)])
+def test_a_late_word_on_the_upload_before_does_not_end_reading_back(stragglers: int, reads: bool) -> None:
+    """A doubled item that came late is answered with an error, while the mission is read already."""
+    told: list[int] = []
+
+    def answer(message: Any) -> list[Any]:
+        if message.get_type() == "MISSION_REQUEST_LIST" and len(told) < stragglers:
+            told.append(protocol.ERROR)
+            return [M.MAVLink_mission_ack_message(255, 190, protocol.ERROR)]
+        return list(held(message))
+
+    held = taking(0)
+    with ScriptedVehicle(answer) as fake, ground(fake.url) as link:
+        if reads:
+            assert len(download(link, 1).items) == 5
+        else:
+            with pytest.raises(MissionError, match="refused to give its mission: error"):
+                download(link, 1)
+
+
 def test_ardupilot_gets_its_home_in_item_0() -> None:
     got: dict[int, Any] = {}
 
