@@ -76,6 +76,15 @@ def held(done: Done) -> Any:
     return leg_plan(parse_plan(read_log(Path(done.object["log"])).attachments["mission.waypoints"], "log").mission)
 
 
+def assert_as_sure_as_said(done: Done) -> None:
+    """Sped up, a leg may be bent by a change that came late (it is said): how sure four legs are depends on it."""
+    off_m = np.array(done.object["errors"]["sources_m"])
+    sd_m = np.array([source["sd_m"] for source in done.object["sources"]])
+    assert (off_m < 4.0 * sd_m).all()
+    assert done.object["errors"]["path_rms_m"] < 20.0 * sd_m.max()
+    assert sd_m.max() < 1.0
+
+
 def texts(done: Done) -> str:
     return "\n".join(text for _, _, text in read_log(Path(done.object["log"])).texts)
 
@@ -93,7 +102,7 @@ def test_the_vehicle_flies_what_is_proposed_and_replay_repeats_it(scene: Path, m
     log = read_log(Path(done.object["log"]))
     assert log.truth is not None
     np.testing.assert_allclose(log.truth.vertices_m, plan.vertices_m)
-    assert done.object["errors"]["path_rms_m"] < 1.0
+    assert_as_sure_as_said(done)
     assert len(path_of(done)) == len(plan.vertices_m)
     assert run("replay", done.object["log"], "--json").object | {"report": done.object["report"]} == done.object
 
@@ -117,7 +126,7 @@ def test_a_change_that_fails_in_flight_leaves_the_old_mission_flying(
     assert "the old mission stays and is flown on" in done.err
     np.testing.assert_allclose(held(done).vertices_m, PATH, atol=0.02)
     assert len(path_of(done)) == len(PATH)
-    assert done.object["errors"]["path_rms_m"] < 1.0
+    assert_as_sure_as_said(done)
 
 
 def test_a_bug_in_the_adviser_does_not_end_the_flight_and_is_told(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
