@@ -12,8 +12,8 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 
 from dslam_mav.dslam.joint import evaluate, model_of, residual_of
 from dslam_mav.dslam.kernels.plain_fit import Damping, plain_fit
-from dslam_mav.dslam.kernels.plain_model import Flown
 from dslam_mav.dslam.newton import newton
+from dslam_mav.dslam.plain import compiled, plain
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import (
     MAX_STEP_LOG,
@@ -22,7 +22,6 @@ from dslam_mav.dslam.state import (
     Layout,
     State,
     layout,
-    medium_map,
     moved,
 )
 
@@ -59,15 +58,16 @@ def fit(prob: Problem, start: State, *, iterations: int = MAX_ITERATIONS) -> Fit
     Sethna, "Improvements to the Levenberg-Marquardt algorithm", arXiv:1201.5885).
     """
     with np.errstate(over="ignore", invalid="ignore"):  # worker threads do not inherit the caller's
-        return _compiled(prob, start, iterations) if _plain(prob) else _general(prob, start, iterations)
+        return _compiled(prob, start, iterations) if plain(prob) else _general(prob, start, iterations)
 
 
 def settled(prob: Problem, f: Fit) -> Fit:
     """Where a fit crawls on, Newton's steps from there."""
     if f.converged or not np.isfinite(f.cost):
         return f
-    state, converged = newton(prob, f.state, CONVERGED_GAIN * (f.cost + prob.outside) / prob.n_readings)
-    residual = residual_of(prob, state)
+    with np.errstate(over="ignore", invalid="ignore"):
+        state, converged = newton(prob, f.state, CONVERGED_GAIN * (f.cost + prob.outside) / prob.n_readings)
+        residual = residual_of(prob, state)
     return Fit(state, residual[: prob.y.size], float(residual @ residual), converged)
 
 
@@ -130,30 +130,12 @@ def factored(jacobian: Array, damping: float) -> tuple[Array | None, Array]:
     return (factor if info == 0 else None), size
 
 
-def _plain(prob: Problem) -> bool:
-    """Whether the compiled fit knows every unknown and every row of the problem."""
-    known = prob.known
-    others = (known.ambient, known.heading, known.closed_sd, known.points, known.length_sd, known.corner_sd)
-    legs_in_plane = prob.basis is None and prob.dimensions == 2 and prob.mix is None
-    medium_simple = prob.lag == 0.0 and prob.extent is not None and prob.drift is not None
-    return legs_in_plane and medium_simple and all(prior is None for prior in others)
-
-
 def _compiled(prob: Problem, start: State, iterations: int) -> Fit:
-    base = np.append(start.log_spread2, start.log_rate)
-    peak, peak_sd = prob.known.peak or (1.0, np.inf)
-    oldest, age_sd = prob.known.age or (1.0, np.inf)
-    flown = Flown(
-        prob.s, prob.t, prob.y, prob.leg, prob.length, np.ascontiguousarray(medium_map(prob, len(start.s))),
-        prob.ambient or 0.0, prob.ambient is None, start.extent, prob.outside, prob.n_readings,
-        (float(np.log(peak)), 1.0 / peak_sd), (float(np.log(oldest)), 1.0 / age_sd),
-    )  # fmt: skip
-    level = np.array([start.ambient] if flown.ambient_free else [])
-    still = np.zeros(flown.medium.shape[1])
-    x = np.concatenate([start.theta[1:], start.s.ravel(), start.log_amplitude, still, level])
+    at_start = compiled(prob, start)
+    flown, base, x = at_start.flown, at_start.base, at_start.start
     cost, converged = plain_fit(flown, DAMPING, base, x, iterations)
-    n_turns, k_sources = start.theta.size - 1, len(start.s)
-    theta, s, log_amplitude, by_medium, level = np.split(x, np.cumsum([n_turns, 2 * k_sources, k_sources, still.size]))
+    n_turns, k_sources, n_medium = start.theta.size - 1, len(start.s), flown.medium.shape[1]
+    theta, s, log_amplitude, by_medium, level = np.split(x, np.cumsum([n_turns, 2 * k_sources, k_sources, n_medium]))
     logs = base + np.where(flown.medium != 0.0, flown.medium * by_medium, 0.0).sum(axis=1)
     state = replace(
         start, theta=np.append(0.0, theta), s=s.reshape(-1, 2), log_amplitude=log_amplitude,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dslam_mav.dslam.joint import evaluate, residual_of
+from dslam_mav.dslam.plain import compiled, plain
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import Layout, State, layout, moved
 
@@ -26,11 +27,15 @@ MOST_DAMPING = 1e4
 def _hessian(prob: Problem, state: State, at: Layout, gradient: Array, size: Array) -> Array:
     """(P, P) second derivatives of half the cost, every parameter counted in units of 1/size."""
     columns = []
+    at_once = compiled(prob, state) if plain(prob) else None
     difference = DIFFERENCE * float(np.linalg.norm(prob.y - prob.y.mean()))
     for p in range(at.size):
         step = np.zeros(at.size)
         step[p] = difference / size[p]
-        ahead = _gradient(*evaluate(prob, moved(prob, state, step, at), at))
+        if at_once is not None:
+            ahead = _gradient(*at_once.evaluate(at_once.start + step))
+        else:
+            ahead = _gradient(*evaluate(prob, moved(prob, state, step, at), at))
         columns.append((ahead - gradient) / (difference * size))
     rows = np.array(columns)
     return 0.5 * (rows + rows.T)

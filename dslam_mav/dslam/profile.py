@@ -22,6 +22,7 @@ from scipy.linalg.lapack import dpotrs
 
 from dslam_mav.dslam.fit import factored
 from dslam_mav.dslam.joint import evaluate
+from dslam_mav.dslam.plain import Compiled, compiled, plain
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import (
     MAX_STEP_EXTENT,
@@ -54,7 +55,9 @@ MORE_DAMPING = 1e-2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """A state, how far (P,) it is from the answer, its residual and Jacobian, both in standard deviations."""
+    """How far (P,) it is from the answer, its residual and Jacobian, both in standard deviations; its state, but for
+    plain problems, which need none.
+    """
 
     state: State
     away: Array
@@ -68,19 +71,23 @@ class _Point:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ground:
-    """What a walk takes place on: the problem, its unknowns, a reading's standard deviation."""
+    """What a walk takes place on: the problem, its unknowns, a reading's standard deviation, the answer it begins at,
+    and where the problem is plain, as the compiled model knows it.
+    """
 
     prob: Problem
     at: Layout
     sd: float
+    answer: State
+    compiled: Compiled | None
 
-    def point(self, state: State, away: Array) -> _Point:
-        residual, jacobian = evaluate(self.prob, state, self.at)
-        return _Point(state, away, residual / self.sd, jacobian / self.sd)
+    def begin(self) -> _Point:
+        """The answer itself."""
+        return self._point(self.answer, np.zeros(self.at.size))
 
     def beyond(self, here: _Point, step: Array) -> _Point:
         """The point a step (P,) away, in parts that `moved` takes in full; χ² is infinite where they would be many."""
-        at, reach = self.at, 0.5 * MAX_STEP_SPREADS * here.state.spread
+        at, reach = self.at, 0.5 * MAX_STEP_SPREADS * self.answer.spread
         limit = np.full(at.size, MAX_STEP_LOG)
         limit[at.ambient] = limit[at.drift] = limit[at.shift] = np.inf
         limit[at.heading] = limit[at.climb] = limit[at.turn] = MAX_STEP_RAD
@@ -91,9 +98,17 @@ class _Ground:
         if parts > MOST_PARTS:
             return _Point(here.state, here.away, np.array([np.inf]), here.jacobian)
         state = here.state
-        for _ in range(parts):
-            state = moved(self.prob, state, step / parts, at)
-        return self.point(state, here.away + step)
+        if self.compiled is None:
+            for _ in range(parts):
+                state = moved(self.prob, state, step / parts, at)
+        return self._point(state, here.away + step)
+
+    def _point(self, state: State, away: Array) -> _Point:
+        if self.compiled is None:
+            residual, jacobian = evaluate(self.prob, state, self.at)
+        else:
+            residual, jacobian = self.compiled.evaluate(self.compiled.start + away)
+        return _Point(state, away, residual / self.sd, jacobian / self.sd)
 
 
 def second_moment(prob: Problem, state: State, at: Layout, covariance: Array, variance: float) -> Array:
@@ -107,8 +122,8 @@ def second_moment(prob: Problem, state: State, at: Layout, covariance: Array, va
     values, vectors = np.linalg.eigh(covariance[at.place, at.place])
     if prob.basis is not None or not 0.0 < values[0] <= values[-1] < (BLIND_SPREADS * state.spread) ** 2:
         return covariance
-    ground = _Ground(prob, at, float(np.sqrt(variance)))
-    start = ground.point(state, np.zeros(at.size))
+    ground = _Ground(prob, at, float(np.sqrt(variance)), state, compiled(prob, state) if plain(prob) else None)
+    start = ground.begin()
     floor = total = covariance
     for value, vector in list(zip(values, vectors.T, strict=True))[: -DIRECTIONS - 1 : -1]:
         way = np.zeros(at.size)
@@ -151,7 +166,7 @@ def _walk(ground: _Ground, start: _Point, there: _Point, way: Array) -> tuple[li
             break
         points.append((rise, there.away))
         highest = max(highest, rise)
-        if rise > ENOUGH or abs(float(way @ there.away)) > FARTHEST_SPREADS * start.state.spread:
+        if rise > ENOUGH or abs(float(way @ there.away)) > FARTHEST_SPREADS * ground.answer.spread:
             break
         here, there = there, _settled(ground, ground.beyond(there, there.away - here.away), way)
     return points, highest > SADDLE

@@ -42,8 +42,10 @@ def raced(prob: Problem, states: Sequence[State], eased: Sequence[Problem] = ())
             kept.append(f)
     with ThreadPoolExecutor(THREADS) as threads:
         kept = sorted(threads.map(lambda f: f if f.converged else fit(prob, f.state), kept), key=lambda f: f.cost)
-    within = kept[0].cost + WINDOW * (kept[0].cost + prob.outside) / prob.n_readings if kept else 0.0
-    return _settled([settled(prob, f) if i < CRAWLING and f.cost < within else f for i, f in enumerate(kept)])
+        within = kept[0].cost + WINDOW * (kept[0].cost + prob.outside) / prob.n_readings if kept else 0.0
+        crawling = [i < CRAWLING and f.cost < within for i, f in enumerate(kept)]
+        ended = threads.map(lambda f, crawls: settled(prob, f) if crawls else f, kept, crawling)
+        return _settled(list(ended))
 
 
 def _settled(fits: list[Fit]) -> list[Fit]:

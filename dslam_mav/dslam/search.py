@@ -19,9 +19,9 @@ from dslam_mav.dslam.modes import Modes, freedom, merge, misfit, no_modes
 
 MAX_ROUNDS = 24
 REACHES = (REACH_SPREADS, 3.5)  # of the rounds of a pair: the second also looks for sources the corner hardly sees
-HITS = 3  # rounds that must have found the best answer …
+HITS = 4  # rounds that must have found the best answer …
 HIT_WINDOW = 0.1  # … to within this
-QUIET_ROUNDS = 3  # in a row that bring no news
+QUIET_ROUNDS = 4  # in a row that bring no news
 MODE_WINDOW = 25.0  # keep modes whose χ² is within this of the best
 NEW_MODE_WINDOW = 12.0  # a new mode within this of the best is news
 CROWD = 40  # so many answers nearly as good are a continuum: more rounds would only go on finding more

@@ -9,8 +9,9 @@ from random_scenes import random_case, truth_fit
 from dslam_mav import Medium
 from dslam_mav.dslam import fit as fitting
 from dslam_mav.dslam.joint import evaluate
+from dslam_mav.dslam.plain import compiled
 from dslam_mav.dslam.problem import Known, problem
-from dslam_mav.dslam.state import State, parameter_names
+from dslam_mav.dslam.state import State, layout, moved, parameter_names
 
 EVOLVING = {"age_over_flight": 2.0}
 CASES = {
@@ -38,15 +39,32 @@ def test_the_compiled_fit_goes_where_the_general_one_goes(name, iterations, monk
     case = random_case((5, 1), 3, 20.0, medium=medium, ambient=4.0 if medium.ambient is None else 0.0, **scene)
     prob = replace(problem(case.flight, medium), known=known)
     start = _begun(case, prob)
-    assert fitting._plain(prob)
-    compiled = fitting.fit(prob, start, iterations=iterations)
-    monkeypatch.setattr(fitting, "_plain", lambda _: False)
+    assert fitting.plain(prob)
+    quick = fitting.fit(prob, start, iterations=iterations)
+    monkeypatch.setattr(fitting, "plain", lambda _: False)
     general = fitting.fit(prob, start, iterations=iterations)
-    assert compiled.cost == pytest.approx(general.cost, rel=1e-9)
-    assert compiled.converged == general.converged
-    np.testing.assert_allclose(compiled.residual, general.residual, atol=1e-6)
+    assert quick.cost == pytest.approx(general.cost, rel=1e-9)
+    assert quick.converged == general.converged
+    np.testing.assert_allclose(quick.residual, general.residual, atol=1e-6)
     for part in ("theta", "s", "log_amplitude", "log_spread2"):
-        np.testing.assert_allclose(getattr(compiled.state, part), getattr(general.state, part), rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(getattr(quick.state, part), getattr(general.state, part), rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", list(CASES))
+def test_the_compiled_model_is_the_joint_one(name):
+    medium, scene, known = CASES[name]
+    case = random_case((5, 2), 3, 20.0, medium=medium, ambient=4.0 if medium.ambient is None else 0.0, **scene)
+    prob = replace(problem(case.flight, medium), known=known)
+    state = _begun(case, prob)
+    at = layout(prob, 3)
+    there = compiled(prob, state)
+    step = 0.01 * np.random.default_rng(3).standard_normal(at.size)
+    got, wanted = there.evaluate(there.start + step), evaluate(prob, moved(prob, state, step, at), at)
+    rows = prob.y.size
+    np.testing.assert_allclose(got[0][:rows], wanted[0][:rows], rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(got[1][:rows], wanted[1][:rows], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(got[0] @ got[0], wanted[0] @ wanted[0], rtol=1e-10)  # the priors' rows may be others
+    np.testing.assert_allclose(got[1].T @ got[0], wanted[1].T @ wanted[0], rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize("lengths_known", [True, False])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from random_scenes import random_case, truth_fit
 
-from dslam_mav.dslam import bound
+from dslam_mav.dslam import bound, profile
 from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.problem import problem
 from dslam_mav.dslam.profile import second_moment
@@ -44,6 +44,15 @@ def test_never_below_the_bound_and_above_it_where_the_valley_is_flat():
         wider.append(np.trace(moment) / np.trace(flat))
     assert np.max(wider) > 1.2
     assert np.median(wider) < 2.0
+
+
+def test_the_compiled_model_says_what_the_general_one_says(monkeypatch):
+    for seed in range(6):
+        quick = _both(*_fitted(seed, 3, 20.0))[1]
+        with monkeypatch.context() as other:
+            other.setattr(profile, "plain", lambda _: False)
+            general = _both(*_fitted(seed, 3, 20.0))[1]
+        np.testing.assert_allclose(quick, general, rtol=1e-6, atol=1e-9 * np.abs(general).max())
 
 
 @pytest.mark.parametrize("seed", [0, 3, 5])
