@@ -66,11 +66,11 @@ ROWS = [
 ]  # fmt: skip
 
 
-def cases(row: Row, scenes: int) -> Iterator[Case]:
-    """The row's random scenes."""
+def cases(row: Row, scenes: int, first_seed: int = FIRST_SEED) -> Iterator[Case]:
+    """The row's random scenes, of seeds from `first_seed` on."""
     ambient = 20.0 if row.medium.ambient is None else 0.0
     for i in range(scenes):
-        seed = (FIRST_SEED + i, row.k_sources, int(row.snr_db))
+        seed = (first_seed + i, row.k_sources, int(row.snr_db))
         path = row.vertices if row.vertices is not None else random_mission(seed)
         yield random_case(
             seed, row.k_sources, row.snr_db, vertices=path, medium=row.medium, ambient=ambient,

@@ -13,8 +13,8 @@ from dslam_mav.mav.profile import GENERIC, Profile, profile_of
 
 HEARTBEAT_S = 1.0
 SILENCE_S = 5.0  # autopilots send a HEARTBEAT every second
-COMMAND_TIMEOUT_S = 1.5
-COMMAND_RETRIES = 7
+COMMAND_TIMEOUT_S = 1.0
+COMMAND_RETRIES = 11  # a radio that loses three packets in ten answers one question in two, and none when it is silent
 _TEXT_WAIT_S = 0.3
 _WARNING = 4
 

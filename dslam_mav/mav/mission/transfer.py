@@ -2,7 +2,7 @@
 
 Every failure is one line: LinkError when the vehicle does not answer or disappears midway, MissionError when
 it refuses or when what it holds afterwards is not what was sent. A transfer that loses too many packets is
-begun again twice; each is bounded in time.
+begun again twice, one that is not answered at all once; each is bounded in time.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def upload(
             continue
         if end.phase is Phase.REFUSED:
             raise MissionError(_refusal(talk, end, items))
-        if end.phase is Phase.SILENT and (end.seq < 0 or not left):
+        if end.phase is Phase.SILENT and (not left or (end.seq < 0 and left < _ATTEMPTS - 1)):
             raise LinkError(_silence(talk, end, "upload"))
         if end.phase is Phase.SILENT:
             continue
@@ -154,7 +154,7 @@ def _read(talk: Talk) -> tuple[MissionItem, ...]:
         if end.phase is Phase.REFUSED and not (end.result in _GAVE_UP and left):  # a straggler of the upload before
             reason = result_in_words(end.result) + talk.last_words()
             raise MissionError(f"vehicle {talk.system} refused to give its mission: {reason}")
-        if end.phase is Phase.SILENT and (end.seq < 0 or not left):
+        if end.phase is Phase.SILENT and (not left or (end.seq < 0 and left < _ATTEMPTS - 1)):
             break
     raise LinkError(_silence(talk, end, "download"))
 
