@@ -27,6 +27,7 @@ MISFIT_MATTERS = 0.06  # systematic residual, as a share of the readings' range,
 # times noise levels above the noise is at most 0.013 on recordings answered rightly, whose misfit is mild; 0.024 or
 # more with a cold source among two or three; 0.035 where a field that stands still is said to evolve.
 MISFIT_CLEAR = 0.018
+MISFIT_SURE_SPREADS = 0.5  # a source less sure than that by readings that do not fit is no answer
 MISFIT_CAP = 3.0  # noise levels counted: a nearly noiseless sensor shows up any model, …
 MISFIT_MILD = 0.014  # … and what a copter's drift along its legs alone leaves, 0.012 of the range, stays below this
 UNIDENTIFIED_SD_SPREADS = 2.0  # a position less sure than this is no position
@@ -187,7 +188,7 @@ def verdict(level: Noise, blocks: Array, spread: float, n_alternatives: int, con
             else f"Source {worst + 1} is known to ± {axis[worst]:.3g} m only, more than {twice}"
         )
         return Verdict.NOT_IDENTIFIABLE, f"{far}: another leg that passes it in a new direction would help."
-    if level.matters:
+    if level.matters or (level.misfit and not axis[worst] < MISFIT_SURE_SPREADS * spread):
         return (
             Verdict.MODEL_MISFIT,
             f"Residuals are not noise: {100.0 * level.systematic_share:.2g} % of the readings' range is left "

@@ -39,6 +39,8 @@ ITERATIONS = 10
 FAR_BEHIND = 60.0  # in χ² after the first iterations: not worth more
 DOUBT_SD = 1.0
 LOST_SD = 6.0
+ASIDE = (1.0, -1.0)  # of every other round, in turn, its ln C beside the answer's own, …
+BESIDE = 2.0  # … so many times the noise's share of the readings' range: alternatives fit at a C of their own
 SHIFTS = (-0.7, 0.7, -0.35, 0.35)  # of ln C, where rounds look that know no answer near the truth
 POOL_WINDOW = 25.0  # answers whose χ² is within this of the best are kept, …
 NEWS_WINDOW = 12.0  # … a new one within this is news
@@ -194,17 +196,22 @@ def _medium_for(index: int, grid: list[Medium], pool: _Pool) -> tuple[Medium, fl
     """Where a round is made: at every point of the grid once, then where the best answers went.
 
     There the ambient level is known too: a leg that hardly sees anything says so by its level alone, which is lost
-    where every leg's own mean is taken out. Every second round does without, in case that the level is wrong.
+    where every leg's own mean is taken out. Every second round does without, in case that the level is wrong. Every
+    second one is made at a C beside the answer's, which suits alternatives that the answer's own C hides.
     """
     rivals = pool.rivals()
     if index < len(grid) or not rivals:
         return grid[index % len(grid)], None
-    f = rivals[(index - len(grid)) // 2 % len(rivals)]
+    visit, which = divmod((index - len(grid)) // 2, len(rivals))
+    f = rivals[which]
     told = pool.prob.ambient is None and index % 2 == 0
     step = AMBIENT_STEP * float(np.sqrt(pool.unit))
     c, rate = medium_of(f.state)
     if pool.lost and index // 2 % 2:
         shift = SHIFTS[index // 4 % len(SHIFTS)]
         c, rate, told = c + shift, rate + shift, False
+    elif not pool.lost and (index + visit) % 2:
+        beside = ASIDE[visit // 2 % len(ASIDE)] * BESIDE * float(np.sqrt(pool.unit) / np.ptp(pool.prob.y))
+        c, rate = c + beside, rate + beside
     at = round(20.0 * c) / 20.0, _rate_at(pool.prob, round(20.0 * c) / 20.0, rate)
     return at, step * round(f.state.ambient / step) if told else None

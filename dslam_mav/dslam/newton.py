@@ -18,7 +18,9 @@ from dslam_mav.dslam.state import Layout, State, layout, moved
 Array = NDArray[np.float64]
 
 ITERATIONS = 30
-DIFFERENCE = 1e-5  # of what changes the readings as much as they vary: across it the gradient's differences are taken
+DIFFERENCE = 1e-5  # of what changes the readings as much as they vary: across it the gradient's differences are taken …
+LONGEST = 1e-2  # … radians, lengths or logarithms, where hardly anything changes them
+FAINTEST = 1e-9  # of the most telling unknown's column: fainter ones count as so large
 FLATTEST = 1e-6  # of the steepest curvature
 FIRST_DAMPING = 1e-6
 MOST_DAMPING = 1e4
@@ -31,12 +33,12 @@ def _hessian(prob: Problem, state: State, at: Layout, gradient: Array, size: Arr
     difference = DIFFERENCE * float(np.linalg.norm(prob.y - prob.y.mean()))
     for p in range(at.size):
         step = np.zeros(at.size)
-        step[p] = difference / size[p]
+        step[p] = min(difference / size[p], LONGEST)
         if at_once is not None:
             ahead = _gradient(*at_once.evaluate(at_once.start + step))
         else:
             ahead = _gradient(*evaluate(prob, moved(prob, state, step, at), at))
-        columns.append((ahead - gradient) / (difference * size))
+        columns.append((ahead - gradient) / (step[p] * size[p] * size))
     rows = np.array(columns)
     return 0.5 * (rows + rows.T)
 
@@ -49,13 +51,16 @@ def newton(prob: Problem, state: State, gain: float) -> tuple[State, bool]:
     cost, damping = float(residual @ residual), FIRST_DAMPING
     for _ in range(ITERATIONS):
         size = np.linalg.norm(jacobian, axis=0)
-        size[size == 0.0] = 1.0
+        size = np.maximum(size, FAINTEST * size.max()) if size.any() else np.ones(at.size)
         gradient = _gradient(residual, jacobian)
         slope = gradient / size
         bend = _hessian(prob, state, at, gradient, size)
         if not np.isfinite(bend).all():
             return state, False
-        values, vectors = np.linalg.eigh(bend)
+        try:
+            values, vectors = np.linalg.eigh(bend)
+        except np.linalg.LinAlgError:
+            return state, False
         least = FLATTEST * np.abs(values).max()
         while damping < MOST_DAMPING:
             curvature = np.maximum(np.abs(values), least) + damping
