@@ -40,7 +40,7 @@ def _hessian(prob: Problem, state: State, at: Layout, gradient: Array, size: Arr
             ahead = _gradient(*evaluate(prob, moved(prob, state, step, at), at))
         columns.append((ahead - gradient) / (step[p] * size[p] * size))
     rows = np.array(columns)
-    return 0.5 * (rows + rows.T)
+    return np.asarray(0.5 * (rows + rows.T))
 
 
 def newton(prob: Problem, state: State, gain: float) -> tuple[State, bool]:

@@ -33,7 +33,8 @@ class Candidate(NamedTuple):
     @property
     def cost(self) -> float:
         """Squared residual over all readings."""
-        return float(self.residual @ self.residual)
+        with np.errstate(over="ignore"):  # a wrong pairing may ask for any amplitude
+            return float(self.residual @ self.residual)
 
 
 def candidate(scene: Scenery, layout: Layout, c_first: Array) -> Candidate:
