@@ -56,7 +56,7 @@ def _start_armed(talk: Talk) -> None:
     if result not in (ACCEPTED, UNSUPPORTED):
         raise _refused(talk, "mode AUTO", result)
     result = talk.command(_MISSION_START)
-    if result != ACCEPTED and not talk.under_way:
+    if result != ACCEPTED and not (talk.armed and talk.under_way):
         raise _refused(talk, "the start of its mission", result)
 
 
@@ -86,7 +86,6 @@ def _start_ardupilot(talk: Talk, patient: _Patient) -> None:
     for _ in range(_STARTS):
         patient.demand("mode GUIDED", _DO_SET_MODE, _CUSTOM_MODE, guided)
         patient.demand("to arm", _ARM_DISARM, 1)
-        talk.under_way = False
         result = talk.command(_MISSION_START)
         if result == UNSUPPORTED:
             result = talk.command(_DO_SET_MODE, _CUSTOM_MODE, auto)
@@ -104,7 +103,7 @@ def _flies(talk: Talk, auto: int) -> bool:
     seen, until_s = talk.beats, time.monotonic() + _FLIES_WITHIN_S
     while time.monotonic() < until_s:
         talk.receive(until_s)
-        if talk.under_way or (talk.beats > seen and talk.state == (True, auto)):
+        if talk.beats > seen and talk.state == (True, auto):
             return True
         if talk.beats > seen + 1 and not talk.state[0]:
             return False
@@ -123,7 +122,7 @@ def _refused(talk: Talk, what: str, result: int) -> MissionError:
 def _await_armed(talk: Talk) -> None:
     """A start may be accepted by a vehicle that then does not fly: its HEARTBEATs tell, of which not each is heard."""
     seen, until_s = talk.beats, time.monotonic() + _FLIES_WITHIN_S
-    while not (talk.armed or talk.under_way):
+    while not talk.armed:
         if talk.beats - seen >= _GROUNDED_BEATS or time.monotonic() >= until_s:
             words = talk.last_words()
             raise MissionError(f"vehicle {talk.system} accepted the start of its mission but is not armed{words}")
