@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from dslam_mav.dslam.gauge import Placed, frame_covariance, in_order, placed
 from dslam_mav.dslam.joint import evaluate, model_of
 from dslam_mav.dslam.problem import Problem, problem, steadied
 from dslam_mav.dslam.profile import second_moment
+from dslam_mav.dslam.race import THREADS
 from dslam_mav.dslam.shape import misshapen, moved_by_shape
 from dslam_mav.dslam.sides import without_scale
 from dslam_mav.dslam.state import Layout, State, layout, parameter_names
@@ -64,7 +66,13 @@ def nothing(flight: Flight, medium: Medium, k_sources: int, verdict: Verdict, re
 
 def assemble(flight: Flight, medium: Medium, answers: Answers) -> Estimate:
     """The best fit as an Estimate with the others as its alternatives."""
-    best, *others = (_one(flight, medium, answers, f) for f in answers.fits)
+
+    def one(f: Fit) -> Estimate:
+        with np.errstate(over="ignore", invalid="ignore"):  # worker threads do not inherit the caller's
+            return _one(flight, medium, answers, f)
+
+    with ThreadPoolExecutor(THREADS) as threads:
+        best, *others = threads.map(one, answers.fits)
     chosen = answers.fits[0]
     verdict, reason = certify.verdict(
         answers.level, best.position_covariance_m2, best.spread_m, len(others), chosen.converged

@@ -22,6 +22,7 @@ from scipy.linalg.lapack import dpotrs
 
 from dslam_mav.dslam.fit import factored
 from dslam_mav.dslam.joint import evaluate
+from dslam_mav.dslam.kernels.plain_walk import Across, least_across
 from dslam_mav.dslam.plain import Compiled, compiled, plain
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import (
@@ -37,8 +38,8 @@ from dslam_mav.dslam.state import (
 Array = NDArray[np.float64]
 
 DIRECTIONS = 4  # of the places, the widest; every other one costs as much and adds less
-STEP_SDS = 1.6  # the trapezium rule at this spacing gives a Gaussian's variance to a hundredth
-MOST_STEPS = 3
+STEP_SDS = 0.5  # valleys bend: steps of 1.6 leave them where four sources are hard to tell apart
+MOST_STEPS = 10
 STRAIGHT = 0.03  # share by which χ² may leave the parabola at the first step, on either side
 ENOUGH = 9.0  # Δχ² beyond which nothing is left
 SADDLE = 1.0  # Δχ² over which a fall leads into another answer's basin
@@ -55,60 +56,79 @@ MORE_DAMPING = 1e-2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """How far (P,) it is from the answer, its residual and Jacobian, both in standard deviations; its state, but for
-    plain problems, which need none.
-    """
+    """How far (P,) it is from the answer, χ² there; its state, but for plain problems, which need none."""
 
-    state: State
     away: Array
-    residual: Array
-    jacobian: Array
-
-    @property
-    def chi2(self) -> float:
-        return float(self.residual @ self.residual)
+    chi2: float
+    state: State
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ground:
-    """What a walk takes place on: the problem, its unknowns, a reading's standard deviation, the answer it begins at,
-    and where the problem is plain, as the compiled model knows it.
+    """What a walk takes place on: the problem, its unknowns, a reading's variance, the answer it begins at, and where
+    the problem is plain, as the compiled model knows it.
     """
 
     prob: Problem
     at: Layout
-    sd: float
+    variance: float
     answer: State
     compiled: Compiled | None
 
     def begin(self) -> _Point:
         """The answer itself."""
-        return self._point(self.answer, np.zeros(self.at.size))
+        residual = evaluate(self.prob, self.answer, self.at)[0]
+        return _Point(np.zeros(self.at.size), float(residual @ residual) / self.variance, self.answer)
 
-    def beyond(self, here: _Point, step: Array) -> _Point:
-        """The point a step (P,) away, in parts that `moved` takes in full; χ² is infinite where they would be many."""
-        at, reach = self.at, 0.5 * MAX_STEP_SPREADS * self.answer.spread
-        limit = np.full(at.size, MAX_STEP_LOG)
+    def least(self, here: _Point, step: Array, way: Array) -> _Point:
+        """The least χ² on the plane across `way` through a point's neighbour a step (P,) away."""
+        limit = self._limit()
+        away = here.away + step
+        if not float((np.abs(step) / limit).max()) <= MOST_PARTS:
+            return _Point(here.away, np.inf, here.state)
+        if self.compiled is None:
+            return self._least(_Point(away, np.nan, self._moved(here.state, step, limit)), way, limit)
+        how = Across(self.variance, REFITS, SETTLED, DAMPING, MORE_DAMPING, MOST_PARTS)
+        x = self.compiled.start + away
+        chi2 = least_across(self.compiled.flown, self.compiled.base, x, way, limit, how)
+        return _Point(x - self.compiled.start, chi2, here.state)
+
+    def _limit(self) -> Array:
+        """(P,) the farthest that `moved` takes each unknown in one go."""
+        at, limit = self.at, np.full(self.at.size, MAX_STEP_LOG)
         limit[at.ambient] = limit[at.drift] = limit[at.shift] = np.inf
         limit[at.heading] = limit[at.climb] = limit[at.turn] = MAX_STEP_RAD
-        limit[at.place] = limit[at.longer] = limit[at.gap] = limit[at.coefficient] = reach
+        limit[at.place] = limit[at.longer] = limit[at.gap] = limit[at.coefficient] = (
+            0.5 * MAX_STEP_SPREADS * self.answer.spread
+        )
         limit[at.extent] = MAX_STEP_EXTENT
-        longest = float((np.abs(step) / limit).max())
-        parts = max(1, int(np.ceil(min(longest, MOST_PARTS + 1.0))))
-        if parts > MOST_PARTS:
-            return _Point(here.state, here.away, np.array([np.inf]), here.jacobian)
-        state = here.state
-        if self.compiled is None:
-            for _ in range(parts):
-                state = moved(self.prob, state, step / parts, at)
-        return self._point(state, here.away + step)
+        return limit
 
-    def _point(self, state: State, away: Array) -> _Point:
-        if self.compiled is None:
-            residual, jacobian = evaluate(self.prob, state, self.at)
-        else:
-            residual, jacobian = self.compiled.evaluate(self.compiled.start + away)
-        return _Point(state, away, residual / self.sd, jacobian / self.sd)
+    def _moved(self, state: State, step: Array, limit: Array) -> State:
+        parts = max(1, int(np.ceil(float((np.abs(step) / limit).max()))))
+        for _ in range(parts):
+            state = moved(self.prob, state, step / parts, self.at)
+        return state
+
+    def _least(self, here: _Point, way: Array, limit: Array) -> _Point:
+        """As `kernels.plain_walk.least_across`, for every unknown and prior there is."""
+        state, away, damping = here.state, here.away, DAMPING
+        residual, jacobian = evaluate(self.prob, state, self.at)
+        cost = float(residual @ residual)
+        for _ in range(REFITS):
+            step, gain = _step_across(residual, jacobian, way, damping)
+            if not gain > SETTLED * self.variance:
+                break
+            if float((np.abs(step) / limit).max()) <= MOST_PARTS:
+                there = self._moved(state, step, limit)
+                residual_try, jacobian_try = evaluate(self.prob, there, self.at)
+                if (cost_try := float(residual_try @ residual_try)) < cost:
+                    state, away, cost = there, away + step, cost_try
+                    residual, jacobian = residual_try, jacobian_try
+                    damping = max(0.1 * damping, DAMPING)
+                    continue
+            damping = max(10.0 * damping, MORE_DAMPING)
+        return _Point(away, cost / self.variance if np.isfinite(cost) else np.inf, state)
 
 
 def second_moment(prob: Problem, state: State, at: Layout, covariance: Array, variance: float) -> Array:
@@ -122,7 +142,7 @@ def second_moment(prob: Problem, state: State, at: Layout, covariance: Array, va
     values, vectors = np.linalg.eigh(covariance[at.place, at.place])
     if prob.basis is not None or not 0.0 < values[0] <= values[-1] < (BLIND_SPREADS * state.spread) ** 2:
         return covariance
-    ground = _Ground(prob, at, float(np.sqrt(variance)), state, compiled(prob, state) if plain(prob) else None)
+    ground = _Ground(prob, at, variance, state, compiled(prob, state) if plain(prob) else None)
     start = ground.begin()
     floor = total = covariance
     for value, vector in list(zip(values, vectors.T, strict=True))[: -DIRECTIONS - 1 : -1]:
@@ -141,7 +161,7 @@ def second_moment(prob: Problem, state: State, at: Layout, covariance: Array, va
 
 def _both_sides(ground: _Ground, start: _Point, way: Array, slope: Array) -> tuple[Array | None, bool]:
     """(P, P) second moment along the profile through `start`, None where χ² is a parabola; and whether it ends."""
-    first = [_settled(ground, ground.beyond(start, sign * STEP_SDS * slope), way) for sign in (1.0, -1.0)]
+    first = [ground.least(start, sign * STEP_SDS * slope, way) for sign in (1.0, -1.0)]
     rises = np.array([point.chi2 - start.chi2 for point in first])
     if (np.abs(rises - STEP_SDS**2) < STRAIGHT * STEP_SDS**2).all():
         return None, True
@@ -168,31 +188,14 @@ def _walk(ground: _Ground, start: _Point, there: _Point, way: Array) -> tuple[li
         highest = max(highest, rise)
         if rise > ENOUGH or abs(float(way @ there.away)) > FARTHEST_SPREADS * ground.answer.spread:
             break
-        here, there = there, _settled(ground, ground.beyond(there, there.away - here.away), way)
+        here, there = there, ground.least(there, there.away - here.away, way)
     return points, highest > SADDLE
 
 
-def _settled(ground: _Ground, here: _Point, way: Array) -> _Point:
-    """The least χ² on the plane across `way` through a point, by Gauss–Newton steps within the plane."""
-    damping = DAMPING
-    if not np.isfinite(here.chi2):
-        return here
-    for _ in range(REFITS):
-        step, gain = _step_across(here, way, damping)
-        if not gain > SETTLED:
-            break
-        there = ground.beyond(here, step)
-        if there.chi2 < here.chi2:
-            here, damping = there, max(0.1 * damping, DAMPING)
-        else:
-            damping = max(10.0 * damping, MORE_DAMPING)
-    return here
-
-
-def _step_across(here: _Point, way: Array, damping: float) -> tuple[Array, float]:
-    """The step (P,) to the least of the linear model with no part along `way` (Lagrange), and by how much χ² falls."""
-    gradient = here.jacobian.T @ here.residual
-    factor, size = factored(here.jacobian, damping)
+def _step_across(residual: Array, jacobian: Array, way: Array, damping: float) -> tuple[Array, float]:
+    """The step (P,) to the linear model's least with no part along `way` (Lagrange), and how far the cost falls."""
+    gradient = jacobian.T @ residual
+    factor, size = factored(jacobian, damping)
     if factor is None:
         return np.zeros(size.size), 0.0
     free, along = dpotrs(factor, np.stack([-gradient, way], axis=1) / size[:, None])[0].T / size

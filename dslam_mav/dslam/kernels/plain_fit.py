@@ -32,7 +32,7 @@ class Damping(NamedTuple):
 
 
 @njit(**OPTIONS)
-def _normal(columns: Array, size: Array, matrix: Array) -> None:
+def normal_of(columns: Array, size: Array, matrix: Array) -> None:
     """JᵀJ scaled to a unit diagonal, and the columns' lengths."""
     across = np.ascontiguousarray(columns.T)
     n_par, n = across.shape
@@ -49,7 +49,7 @@ def _normal(columns: Array, size: Array, matrix: Array) -> None:
 
 
 @njit(**OPTIONS)
-def _factor(matrix: Array, damping: float, chol: Array) -> bool:
+def factor(matrix: Array, damping: float, chol: Array) -> bool:
     """Cholesky of matrix + λ·1; False where it is not positive."""
     for p in range(matrix.shape[0]):
         for q in range(p + 1):
@@ -66,23 +66,28 @@ def _factor(matrix: Array, damping: float, chol: Array) -> bool:
 
 
 @njit(**OPTIONS)
-def _solved(chol: Array, columns: Array, size: Array, residual: Array) -> Array:
-    """−(JᵀJ + λ)⁻¹ Jᵀ r, in the columns' own lengths."""
-    n_par = size.size
-    step = np.zeros(n_par)
+def downhill(columns: Array, size: Array, residual: Array) -> Array:
+    """−Jᵀ r in the columns' own lengths."""
+    out = np.zeros(size.size)
     for i in range(residual.size):
-        for p in range(n_par):
-            step[p] -= columns[i, p] * residual[i]
-    for p in range(n_par):
-        step[p] /= size[p]
+        for p in range(size.size):
+            out[p] -= columns[i, p] * residual[i]
+    for p in range(size.size):
+        out[p] /= size[p]
+    return out
+
+
+@njit(**OPTIONS)
+def solve(chol: Array, x: Array) -> None:
+    """x becomes (JᵀJ + λ)⁻¹ x, both in the columns' own lengths."""
+    for p in range(x.size):
         for q in range(p):
-            step[p] -= chol[p, q] * step[q]
-        step[p] /= chol[p, p]
-    for p in range(n_par - 1, -1, -1):
-        for q in range(p + 1, n_par):
-            step[p] -= chol[q, p] * step[q]
-        step[p] /= chol[p, p]
-    return step
+            x[p] -= chol[p, q] * x[q]
+        x[p] /= chol[p, p]
+    for p in range(x.size - 1, -1, -1):
+        for q in range(p + 1, x.size):
+            x[p] -= chol[q, p] * x[q]
+        x[p] /= chol[p, p]
 
 
 @njit(**OPTIONS)
@@ -109,9 +114,10 @@ def _step(
     matrix, size, chol = normal
     k_sources = base.size - 1
     none = np.empty(0)
-    if not _factor(matrix, damping, chol):
+    if not factor(matrix, damping, chol):
         return none
-    velocity = _solved(chol, columns, size, residual)
+    velocity = downhill(columns, size, residual)
+    solve(chol, velocity)
     ahead = np.empty_like(residual)
     probed = _moved(flown, how, base, x, how.probe * velocity / size, k_sources)
     residual_of(flown, base, probed, k_sources, ahead, np.empty((0, 0)))
@@ -121,7 +127,8 @@ def _step(
         for p in range(size.size):
             along += columns[i, p] * velocity[p] / size[p]
         bend[i] = 2.0 / how.probe * ((ahead[i] - residual[i]) / how.probe - along)
-    acceleration = _solved(chol, columns, size, bend)
+    acceleration = downhill(columns, size, bend)
+    solve(chol, acceleration)
     fast, bent = math.sqrt((velocity**2).sum()), math.sqrt((acceleration**2).sum())
     if not (2.0 * bent <= how.bend * fast):
         return none
@@ -141,7 +148,7 @@ def plain_fit(flown: Flown, how: Damping, base: Array, x: Array, iterations: int
     columns, columns_try = np.empty((n_rows, n_par)), np.empty((n_rows, n_par))
     matrix, size, chol = np.zeros((n_par, n_par)), np.empty(n_par), np.zeros((n_par, n_par))
     residual_of(flown, base, x, k_sources, residual, columns)
-    _normal(columns, size, matrix)
+    normal_of(columns, size, matrix)
     cost = (residual**2).sum()
     damping = how.first
     for _ in range(iterations):
@@ -159,7 +166,7 @@ def plain_fit(flown: Flown, how: Damping, base: Array, x: Array, iterations: int
                 damping = max(damping * 0.2, how.least)
                 if gain <= how.gain * (cost + flown.outside) / flown.n_readings:
                     return cost, True
-                _normal(columns, size, matrix)
+                normal_of(columns, size, matrix)
                 continue
         damping *= 3.0
         if damping > how.most:
