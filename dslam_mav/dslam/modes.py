@@ -51,6 +51,16 @@ def best(modes: Modes, lo: int, hi: int, keep: int) -> Modes:
     return ordered.take(distinct(_marks(ordered, lo, hi), keep, SAME_MODE))
 
 
+def new(known: Modes, more: Modes, keep: int, same: float) -> Modes:
+    """The best `keep` of `more` that differ from each other and from those known."""
+    order = np.argsort(more.cost, kind="stable")
+    more = more.take(order[np.isfinite(more.cost[order])])
+    last = more.theta.shape[1] - 1
+    marks = np.concatenate([_marks(known, 0, last), _marks(more, 0, last)])
+    kept = distinct(marks, len(known) + keep, same)
+    return more.take(kept[kept >= len(known)][:keep] - len(known))
+
+
 def _marks(modes: Modes, lo: int, hi: int) -> Array:
     """(M, …) sources in order of x, and the cosines and sines of headings lo … hi."""
     m, k_sources = modes.alpha.shape

@@ -9,7 +9,7 @@ import numpy as np
 
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW
 from dslam_mav.dslam.fit import Fit, fit, settled
-from dslam_mav.dslam.media import apart
+from dslam_mav.dslam.pool import apart
 from dslam_mav.dslam.problem import Problem
 from dslam_mav.dslam.state import State
 

@@ -15,15 +15,17 @@ import numpy as np
 
 from dslam_mav.dslam.beam import REACH_SPREADS, corners_by_energy, search_round
 from dslam_mav.dslam.compress import Compressed
+from dslam_mav.dslam.folds import with_folds
 from dslam_mav.dslam.modes import Modes, freedom, merge, misfit, no_modes
 
 MAX_ROUNDS = 24
 REACHES = (REACH_SPREADS, 3.5)  # of the rounds of a pair: the second also looks for sources the corner hardly sees
-HITS = 4  # rounds that must have found the best answer …
+HITS = 3  # rounds that must have found the best answer …
 HIT_WINDOW = 0.1  # … to within this
-QUIET_ROUNDS = 4  # in a row that bring no news
+QUIET_ROUNDS = 3  # in a row that bring no news
 MODE_WINDOW = 25.0  # keep modes whose χ² is within this of the best
 NEW_MODE_WINDOW = 12.0  # a new mode within this of the best is news
+FOLD_WINDOW = 9.0  # modes within this of the best are folded
 CROWD = 40  # so many answers nearly as good are a continuum: more rounds would only go on finding more
 CERTAIN_SD = 3.0  # of χ²: a lone answer that fits so well, found by both rounds of the first pair, is the answer …
 CERTAIN_POWER = 5e3  # … where signal over noise in a sample is this at the mean: 30 dB with 64 readings a leg
@@ -87,7 +89,8 @@ def search(
     else:
         with ThreadPoolExecutor(threads) as pool:
             _rounds(progress, comp, rng, lambda indices, own: list(pool.map(one, indices, own)))
-    return replace(progress.modes, rounds=len(progress.lows))
+    modes = with_folds(comp, progress.modes, FOLD_WINDOW * progress.unit, MODE_WINDOW * progress.unit)
+    return replace(modes, rounds=len(progress.lows))
 
 
 def _rounds(

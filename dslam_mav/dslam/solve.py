@@ -12,7 +12,7 @@ from dslam_mav.dslam.begin import begin, dithered
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit
 from dslam_mav.dslam.joint import evaluate
-from dslam_mav.dslam.media import apart
+from dslam_mav.dslam.pool import apart
 from dslam_mav.dslam.priors import USUAL_LAG, bounded, constrained, eased
 from dslam_mav.dslam.problem import Known, Problem, alike
 from dslam_mav.dslam.race import raced

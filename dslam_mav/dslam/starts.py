@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from dslam_mav.dslam.beam import corners_by_energy, search_round
 from dslam_mav.dslam.compress import Compressed, Samples, compress
+from dslam_mav.dslam.fit import fit
+from dslam_mav.dslam.folds import refitted, with_folds
 from dslam_mav.dslam.joint import model_of
 from dslam_mav.dslam.modes import Modes, misfit
 from dslam_mav.dslam.problem import Problem
@@ -21,7 +23,8 @@ Array = NDArray[np.float64]
 SPREAD_GRID = (0.9, 2.1, 5.0)  # times the scale of the readings: C tried when nothing is known of it
 GROWTHS = (0.05, 0.4, 1.5)  # flight time over age tried when the age is unknown
 MAX_STARTS = 64
-START_WINDOW = 16.0  # of χ² on compressed legs: an answer further behind does not come within nine of the best
+START_WINDOW = 12.0  # of χ² on compressed legs: an answer further behind does not come within nine of the best, …
+GROWING_WINDOW = 16.0  # … and where the field grows on the way, and legs are compressed less exactly
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +91,17 @@ def states(prob: Problem, comp: Compressed, modes: Modes, at: tuple[float, float
     return out
 
 
+def modes_of(comp: Compressed, found: Sequence[State]) -> Modes:
+    """States as modes of compressed legs, their χ² left open."""
+    to_amplitude = np.log(comp.sigma * np.pi * comp.scale**2)
+    return Modes(
+        np.stack([state.theta for state in found]),
+        np.stack([state.s / comp.scale for state in found]),
+        np.stack([state.log_amplitude - to_amplitude for state in found]),
+        np.full(len(found), np.nan),
+    )
+
+
 def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     """All that the search finds at the known C, in the order of its cost."""
     (at,) = medium_grid(prob, 1.0)
@@ -95,9 +109,24 @@ def starts(prob: Problem, k_sources: int, rng: np.random.Generator) -> Starts:
     doubt = prob.doubt / comp.sigma**2
     modes = search(comp, k_sources, rng, doubt=doubt)
     unit = misfit(modes, comp, k_sources)
-    window = START_WINDOW * max(unit, doubt)
-    near = np.flatnonzero(modes.cost < modes.cost.min(initial=np.inf) + window)[:MAX_STARTS]
-    return begin(comp, states(prob, comp, modes.take(near), at), comp.sigma * float(np.sqrt(unit)), modes.rounds)
+    window = (START_WINDOW if prob.rate == 0.0 else GROWING_WINDOW) * max(unit, doubt)
+    near = modes.cost < modes.cost.min(initial=np.inf) + window
+    found = states(prob, comp, modes.take(np.flatnonzero(near)[:MAX_STARTS]), at)
+    if prob.ambient is None and found:
+        found += _at_one_level(prob, at, found, window)
+    return begin(comp, found, comp.sigma * float(np.sqrt(unit)), modes.rounds)
+
+
+def _at_one_level(prob: Problem, at: tuple[float, float], found: list[State], window: float) -> list[State]:
+    """The same answers, and their folds, where legs share the best one's ambient level: with each leg's own mean taken
+    out, valleys are one that are two.
+    """
+    level = fit(prob, found[0]).state.ambient
+    shared = replace(prob, ambient=level)
+    comp = compressed(shared, at, None)
+    modes = with_folds(comp, refitted(comp, modes_of(comp, found)), window, window)
+    best = modes.take(np.arange(min(len(modes), MAX_STARTS)))
+    return [replace(state, ambient=level) for state in states(shared, comp, best, at)]
 
 
 def begin(comp: Compressed, found: Sequence[State], sigma: float, rounds: int) -> Starts:
