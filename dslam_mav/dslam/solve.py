@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from dslam_mav.dslam.begin import begin, dithered
 from dslam_mav.dslam.certify import SAME_PLACE_SPREADS, WINDOW, Noise, noise
 from dslam_mav.dslam.fit import Fit, fit
-from dslam_mav.dslam.joint import evaluate
 from dslam_mav.dslam.pool import apart
 from dslam_mav.dslam.priors import USUAL_LAG, bounded, constrained, eased
 from dslam_mav.dslam.problem import Known, Problem, alike
@@ -19,15 +18,15 @@ from dslam_mav.dslam.race import raced
 from dslam_mav.dslam.reduce import binned, reduced
 from dslam_mav.dslam.resume import backwards, fits_the_flight, regrown, resumed, turned_round
 from dslam_mav.dslam.sides import both_sides, lone_starts
+from dslam_mav.dslam.solution import Solution, better, likelier, likeliest
 from dslam_mav.dslam.starts import Starts, warm_starts
-from dslam_mav.dslam.state import State, layout, loose_corners
+from dslam_mav.dslam.state import State, layout
 from dslam_mav.dslam.task import Patience, Task
 
 Array = NDArray[np.float64]
 
 REGROWN, FEWEST_KEPT = 3, 1  # answers whose legs are looked for again, and legs that are not
 NARROWER = 0.7  # than the narrowest start: the least √C that a fit is to be exact for
-FREEDOM_GAIN = 12.0  # Δχ² from which a free shape, or loose corners, are believed
 PLAINLY = 6.0  # −2 ln evidence by which readings must speak for corners that are not exact
 DITHERS = (0.02, 0.01)  # of the readings' range: noise to search with where the model does not fit (theory, section 10)
 FEW = 2  # sources whose answer one such search finds
@@ -38,22 +37,6 @@ SAME_ANSWER_SPREADS = 0.2
 SAME_LOOSE_SPREADS = 0.1
 LITTLE = 0.3  # of the usual: how far off legs begin among answers that need little of it, …
 OTHERWISE = (1.0 / 0.3, 1.0 / 3.0)  # … and then in the one that needed least, times that
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """The problem with all that is known of it, its distinct fits, best first, and the residuals' level.
-
-    `ends`: where all fits ended that were not far behind; `loose`: as the task had it; `begun`: what the search found.
-    """
-
-    problem: Problem
-    fits: tuple[Fit, ...]
-    level: Noise
-    freedom_inside: int
-    ends: tuple[State, ...]
-    loose: float
-    begun: Starts | None = None
 
 
 def solve(task: Task, rng: np.random.Generator) -> Solution | None:
@@ -135,8 +118,8 @@ def _solved(task: Task, begun: Starts, coarse: Problem, rng: np.random.Generator
     if task.extent_free and best.level.misfit:
         before = begun.states if task.patience is Patience.ALL else ()
         begun = replace(begun, states=(*before, *found.ends))
-        shaped = _better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
-        best = shaped if best is found or _likelier(shaped, best) else best
+        shaped = better(found, _found(replace(task, problem=replace(task.problem, extent=None)), begun, rng))
+        best = shaped if best is found or likelier(shaped, best) else best
     return best
 
 
@@ -151,20 +134,12 @@ def _loosened(task: Task, found: Solution, begun: Starts, rng: np.random.Generat
     if task.priors.corner_sd_m is None:
         return found
     sides = (1.0,) if task.priors.beside_m is None or task.priors.overshot else (1.0, -1.0)
-    little = _likeliest([freer(LITTLE * side, found.ends) for side in sides])
+    little = likeliest([freer(LITTLE * side, found.ends) for side in sides])
     if little is None:
         return found
     others = [freer(share * little.loose, little.ends) for share in OTHERWISE]
-    best = _likeliest([little, *others]) or found
-    return best if _likelier(best, found, by=PLAINLY) else found
-
-
-def _likeliest(solutions: Sequence[Solution | None]) -> Solution | None:
-    best = None
-    for one in solutions:
-        if one is not None and (best is None or _likelier(one, best)):
-            best = one
-    return best
+    best = likeliest([little, *others]) or found
+    return best if likelier(best, found, by=PLAINLY) else found
 
 
 def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | None:
@@ -174,31 +149,6 @@ def _found(task: Task, begun: Starts, rng: np.random.Generator) -> Solution | No
     level = _level(prob, begun, fits[0], task)
     ends = tuple(f.state for f in fits)
     return Solution(prob, tuple(_distinct(prob, fits, level)), level, begun.freedom_inside, ends, task.loose)
-
-
-def _likelier(one: Solution, other: Solution, *, by: float = 0.0) -> bool:
-    """Whether readings speak for one solution rather than another, `by` so much: by −2 ln of Laplace's evidence, at
-    their own noise.
-    """
-    variance = min(one.level.outside, other.level.outside)
-    return _surprise(one, variance) + by < _surprise(other, variance)
-
-
-def _surprise(solution: Solution, variance: float) -> float:
-    """−2 ln evidence of the best fit, without what all fits of a flight share."""
-    prob, best = solution.problem, solution.fits[0]
-    jacobian = evaluate(prob, best.state)[1]
-    _, volume = np.linalg.slogdet(jacobian.T @ jacobian / variance)
-    sds = np.empty(0) if prob.known.corner_sd is None else prob.known.corner_sd[loose_corners(prob)]
-    return best.cost / variance + float(volume) + prob.dimensions * float(np.log(sds**2 * variance).sum())
-
-
-def _better(found: Solution, freer: Solution | None) -> Solution:
-    """The freer solution, where it is one, and it fits better by more than freedom alone makes it."""
-    if freer is None or (found.fits[0].converged and not freer.fits[0].converged):
-        return found
-    gain = found.fits[0].cost - freer.fits[0].cost
-    return freer if gain > FREEDOM_GAIN * found.level.inside else found
 
 
 def _on_all_readings(begun: Starts, prob: Problem, each: float) -> Starts:
