@@ -213,11 +213,13 @@ def _level(prob: Problem, begun: Starts, best: Fit, task: Task) -> Noise:
 
 
 def _distinct(prob: Problem, fits: list[Fit], level: Noise) -> list[Fit]:
-    """The best fit and every different one within the window; corners that are loose wander without another answer."""
+    """The best fit and every different one within the window, likeliest first; corners that are loose wander without
+    another answer.
+    """
     same = SAME_PLACE_SPREADS if prob.known.corner_sd is None else SAME_LOOSE_SPREADS
     kept: list[Fit] = []
     for f in fits:
         near = (f.cost - fits[0].cost) / level.variance < WINDOW
         if near and all(apart(prob, f.state, other.state) > same * f.state.spread for other in kept):
             kept.append(f)
-    return kept
+    return kept[:1] + sorted(kept[1:], key=lambda f: f.cost)

@@ -61,6 +61,8 @@ def test_every_fold_is_listed(medium: Medium, seed: int) -> None:
     result = estimate(flown(TO_CORNERS, seed)[1], medium, 2)
     assert result.verdict is Verdict.AMBIGUOUS
     listed = [result, *result.alternatives]
+    likelihood = [mode.log_likelihood for mode in result.alternatives]
+    assert likelihood == sorted(likelihood, reverse=True)
     for path in ALL_PATHS:
         canonical = to_canonical(path)
         corners, sources = canonical.apply(path), canonical.apply(SOURCES)
