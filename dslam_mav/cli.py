@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import gc
 import importlib
 import io
@@ -27,6 +28,7 @@ from dslam_mav.errors import BadInputError, DslamError
 BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130
+TERMINAL_GONE = 129
 TOLD_TO_END = {"SIGTERM": "terminated", "SIGHUP": "the terminal is gone"}  # by signal; the code is 128 and its number
 
 _EXIT_CODES = (
@@ -71,6 +73,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
+    except OSError as problem:
+        if problem.errno != errno.EIO or not _terminal_gone():
+            raise
+        _without_terminal()  # a background job is not told by SIGHUP
+        sys.stderr.write(f"dslam-mav: {TOLD_TO_END['SIGHUP']}\n")
+        return TERMINAL_GONE
 
 
 @contextlib.contextmanager
@@ -92,6 +100,10 @@ def _signals_raise() -> Iterator[None]:
     finally:
         for number, was in before.items():
             signal.signal(number, was)
+
+
+def _terminal_gone() -> bool:
+    return any(stat.S_ISCHR(os.fstat(output).st_mode) and not os.isatty(output) for output in (1, 2))
 
 
 def _without_terminal() -> None:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 SPREAD_GRID = (0.9, 2.1, 5.0)  # times the scale of the readings: C tried when nothing is known of it
 GROWTHS = (0.05, 0.4, 1.5)  # flight time over age tried when the age is unknown
-MAX_STARTS = 64
+MAX_STARTS = 96
 START_WINDOW = 12.0  # of χ² on compressed legs: an answer further behind does not come within nine of the best, …
 GROWING_WINDOW = 16.0  # … and where the field grows on the way, and legs are compressed less exactly
 

@@ -133,6 +133,18 @@ def test_a_terminal_that_goes_away_takes_neither_log_nor_report_with_it(scene: P
     assert left(log.parent) == {"flight.mcap", "report.html"}
 
 
+def test_a_background_job_whose_terminal_goes_away_closes_its_log(scene: Path, tmp_path: Path) -> None:
+    """No signal comes: the next line it says there fails."""
+    ours, theirs = pty.openpty()
+    process, log = during_a_flight(scene, tmp_path, "--speedup", 12, stdout=theirs)
+    os.close(theirs)
+    os.close(ours)
+    done = end(process)
+    assert done.code == 129, done
+    assert done.err.splitlines()[-1] == "dslam-mav: the terminal is gone"
+    assert read_log(log).complete
+
+
 def test_a_vehicle_server_ends_with_a_signal() -> None:
     ends = ((signal.SIGINT, 130), (signal.SIGTERM, 143))
     for (process, _), (number, code) in zip([spawn_vehicle() for _ in ends], ends, strict=True):
