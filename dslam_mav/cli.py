@@ -103,7 +103,10 @@ def _signals_raise() -> Iterator[None]:
 
 
 def _terminal_gone() -> bool:
-    return any(stat.S_ISCHR(os.fstat(output).st_mode) and not os.isatty(output) for output in (1, 2))
+    """Whether output goes to a terminal that is no more: like the null device, a character device and no terminal."""
+    null = os.stat(os.devnull).st_rdev
+    devices = [(output, os.fstat(output)) for output in (1, 2)]
+    return any(stat.S_ISCHR(s.st_mode) and s.st_rdev != null and not os.isatty(output) for output, s in devices)
 
 
 def _without_terminal() -> None:
